@@ -1,0 +1,61 @@
+"""The Reference: a path-traced mean with its variance, continued replicate by replicate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.images import luminance
+from renderers.method import Transport
+
+PixelMode = Literal["centre", "box"]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Sums over `n` independent replicates of `spp` samples per pixel each; from them mean, variance of the mean, noise.
+
+    total, squares float64 (H, W, 3): sum and sum of squares per channel; squares_y float64 (H, W): of luminance.
+    surface bool (H, W): first hit is a surface that doesn't emit (emitters and background are left out of `noise`).
+    """
+
+    total: NDArray[np.float64]
+    squares: NDArray[np.float64]
+    squares_y: NDArray[np.float64]
+    surface: NDArray[np.bool_]
+    n: int
+    spp: int
+    scene_hash: str
+    transport: Transport
+    pixel: PixelMode
+    frame: int
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def image(self) -> NDArray[np.float32]:
+        """Mean radiance, float32 (H, W, 3)."""
+        return (self.total / self.n).astype(np.float32)
+
+    @cached_property
+    def variance(self) -> NDArray[np.float32]:
+        """Variance of the mean per channel, float32 (H, W, 3)."""
+        spread = self.squares - self.total**2 / self.n
+        return (np.maximum(spread, 0) / (self.n - 1) / self.n).astype(np.float32)
+
+    @cached_property
+    def luminance_variance(self) -> NDArray[np.float32]:
+        """Variance of the mean luminance, float32 (H, W)."""
+        spread = self.squares_y - luminance(self.total) ** 2 / self.n
+        return (np.maximum(spread, 0) / (self.n - 1) / self.n).astype(np.float32)
+
+    @cached_property
+    def noise(self) -> float:
+        """sqrt(mean variance of the mean luminance) / mean luminance over `surface` pixels; 0 for an image of zero mean."""
+        if not self.surface.any():
+            return 0.0
+        mean = float(luminance(self.image)[self.surface].mean())
+        return float(np.sqrt(self.luminance_variance[self.surface].mean(dtype=np.float64)) / mean) if mean > 0 else 0.0
