@@ -143,21 +143,38 @@ def mean_budget(budgets: Sequence[Budget]) -> Budget:
     return Budget(noise, total - model - floor - (noise or 0.0), floor, model, alone, total, min(b.seeds for b in budgets))
 
 
-def reference_decides(a: Array, b: Array, variance: NDArray[np.floating], reference: NDArray[np.floating], exposure: float) -> bool:
-    """Whether the reference's noise can't have swapped the order of two methods by squared error.
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """A reference in display values, (H, W, 3), with the standard deviation of its mean there, (H, W, 3)."""
 
-    a, b: display values (H, W, 3), means over seeds; reference, variance: linear (H, W, 3). With reference noise e in display values the
-    difference of squared errors ⟨(a − r − e)²⟩ − ⟨(b − r − e)²⟩ moves by −2⟨(a − b) e⟩, of standard deviation 2/N · sqrt(Σ (Σ_c |a − b|_c σ_c / 3)²)
-    over N pixels when a pixel's channels move together (the worst case). The order is decided beyond 1.96 of these.
-    """
-    r = display_values(reference, exposure)
-    # Half the change over ±σ: the slope of the tone curve, clipping included.
+    display: Array
+    spread: Array
+
+
+def truth(reference: NDArray[np.floating], variance: NDArray[np.floating], exposure: float) -> Truth:
+    """Carry a linear reference and its variance (H, W, 3) into display values: half the change over ± one standard deviation."""
     sigma = np.sqrt(variance.astype(np.float64))
     low = np.maximum(reference - sigma, 0.0)
     spread = (display_values(reference + sigma, exposure) - display_values(low, exposure)) / 2
-    gap = float(np.mean((a - r) ** 2) - np.mean((b - r) ** 2))
-    per_pixel = np.mean(np.abs(a - b) * spread, axis=2)
-    return abs(gap) > 1.96 * 2.0 * float(np.sqrt(np.sum(per_pixel**2))) / per_pixel.size
+    return Truth(display_values(reference, exposure), spread)
+
+
+def reference_decides(a: Array, b: Array, truth_a: Truth, truth_b: Truth) -> bool:
+    """Whether the references' noise can't have swapped the order of two methods by squared error.
+
+    a, b: display values (H, W, 3), means over seeds, each with its own truth; the same object for both means the same reference image.
+    Noise e of a reference moves ⟨(a − r)²⟩ by −2⟨(a − r) e⟩ + ⟨e²⟩. With one reference for both, the difference moves by −2⟨(a − b) e⟩ only;
+    with two, each error moves on its own, and the differing ⟨e²⟩ are taken off first. N pixels whose channels move together (the worst
+    case) give the standard deviation 2/N · sqrt(Σ (mean_c |weight|_c σ_c)²). The order is decided beyond 1.96 of these.
+    """
+    gap = float(np.mean((a - truth_a.display) ** 2) - np.mean((b - truth_b.display) ** 2))
+    if truth_a is truth_b:
+        moved = [np.mean(np.abs(a - b) * truth_a.spread, axis=2)]
+    else:
+        gap -= float(np.mean(truth_a.spread**2) - np.mean(truth_b.spread**2))
+        moved = [np.mean(np.abs(x - t.display) * t.spread, axis=2) for x, t in ((a, truth_a), (b, truth_b))]
+    deviation = np.sqrt(sum(float(np.sum(m**2)) / m.size**2 for m in moved))
+    return abs(gap) > 1.96 * 2.0 * float(deviation)
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
