@@ -23,7 +23,6 @@ from renderers.images import read_exr
 from reports.folder import Cell, Evaluation, ReferenceInfo, State
 from reports.results import Result
 
-
 Runner = Callable[[RenderTask | PilotTask | ReferenceTask, Limits, Callable[[dict[str, Any]], None]], dict[str, Any]]
 
 
@@ -39,7 +38,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Options:
-    """How to carry a plan out. wall_s, memory_bytes: of each child; repeats: timed renders of a frame; max_seconds: of a reference."""
+    """How to carry a plan out. wall_s, memory_bytes: of each child; repeats: renders of a frame; max_seconds: of a reference."""
 
     command: str = ""
     repeats: int = 1
