@@ -35,10 +35,10 @@ def colonnade(triangles: int = 200_000, sky: bool = False) -> Scene:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if _assemble(middle, sky).count < triangles else (low, middle)
     b = _assemble(high, sky)
-    b.light(DirectionalLight("sun", (1.0, 0.93, 0.80), 18.0), rotation=look_rotation((0.42, -1.0, -0.47)))
+    b.light(DirectionalLight("sun", (1.0, 0.93, 0.80), 18.0), rotation=look_rotation((0.32, -1.0, -0.30)))
     if sky:
         b.environment = Environment((0.35, 0.5, 0.8))
-    b.camera((-11.0, 2.7, 0.9), (0.0, 3.55, -0.55), np.radians(58))
+    b.camera((-11.3, 2.9, 1.2), (0.0, 3.1, -0.75), np.radians(60))
     return b.build(triangles=triangles, sky=sky)
 
 
@@ -107,7 +107,7 @@ def _furnish(b: _Atrium, paint: dict[str, int], detail: float) -> None:
                 b.node(name="curtain", meshes=(curtains[kind],), translation=(x + 1.6, 0.12, z), rotation=half_turn)
             else:
                 b.node(name="banner", meshes=(banners[kind],), translation=(x - 0.65, 4.1, z * 0.9))
-    b.place(parts.pedestal(detail), paint["stone"], "pedestal", translation=(1.5, 0.0, 0.0))
-    b.place(parts.knot(detail), paint["bronze"], "knot", translation=(1.5, 2.05, 0.0))
+    b.place(parts.pedestal(detail), paint["stone"], "pedestal", translation=(-4.6, 0.0, 0.9))
+    b.place(parts.knot(detail), paint["bronze"], "knot", translation=(-4.6, 2.05, 0.9))
 
 

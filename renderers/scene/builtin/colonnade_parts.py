@@ -86,10 +86,10 @@ def balustrade(bay: float, detail: float) -> Shape:
 
 def curtain(width: float, height: float, detail: float) -> Shape:
     """Gathered single-sheet cloth from x = 0 to `width`, tied at two fifths of its height."""
-    u = np.linspace(0, 1, count(44, detail, 10) + 1)[None, :]
-    v = np.linspace(1, 0, count(26, detail, 5) + 1)[:, None]
+    u = np.linspace(0, 1, count(70, detail, 40) + 1)[None, :]
+    v = np.linspace(1, 0, count(18, detail, 5) + 1)[:, None]
     waist = 1 - 0.55 * np.exp(-(((v - 0.4) / 0.16) ** 2))
-    fold = 0.09 * np.sin(2 * np.pi * 5 * u + 1.5 * np.sin(3 * v)) * (0.55 + 0.45 * waist)
+    fold = 0.075 * np.sin(2 * np.pi * 4 * u + 1.5 * np.sin(3 * v)) * (0.55 + 0.45 * waist)
     return grid(np.stack([width * u * waist, np.broadcast_to(height * v, fold.shape), fold], axis=-1))
 
 

@@ -61,7 +61,7 @@ def parallel_plates_form_factor(side: float, distance: float) -> float:
     return float(2 / (np.pi * x * x) * (log + 2 * x * root * np.arctan(x / root) - 2 * x * np.arctan(x)))
 
 
-def parallel_plates_irradiance(points: ArrayLike, side: float = 1.0, distance: float = 0.5, radiance: float = 1.0) -> F64:
+def parallel_plates_irradiance(points: ArrayLike, side: float = 1.0, distance: float = 1.0, radiance: float = 1.0) -> F64:
     """Irradiance (...,) on the lower plate (y = 0, facing up) of `parallel-plates` at points (..., 3); the upper one has `radiance`."""
     half = np.array([side / 2, side / 2])
     return polygon_irradiance(points, (0, 1, 0), _level(-half, half, distance), radiance)

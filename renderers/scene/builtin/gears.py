@@ -16,7 +16,7 @@ from renderers.scene.shapes import Shape
 F64 = NDArray[np.float64]
 MODULE, PRESSURE_ANGLE, THICKNESS = 0.05, np.radians(20.0), 0.16
 # teeth, index of the gear it meshes with, direction from that one in degrees, material
-TRAIN = ((24, None, 0.0, "steel"), (40, 0, 28.0, "brass"), (16, 0, 165.0, "copper"), (32, 2, 100.0, "steel"), (12, 1, -55.0, "copper"))
+TRAIN = ((24, None, 0.0, "steel"), (40, 0, 28.0, "brass"), (16, 0, 165.0, "copper"), (32, 2, 75.0, "steel"), (12, 1, -55.0, "copper"))
 METALS = {"steel": (0.56, 0.57, 0.58), "brass": (0.88, 0.69, 0.36), "copper": (0.93, 0.62, 0.52)}
 
 
@@ -29,7 +29,7 @@ def gears(steps: int = 6, turning: bool = False) -> Scene:
     b = SceneBuilder("gears")
     metals = {name: b.material(GGX(name, color, metallic=1.0, roughness=0.35)) for name, color in METALS.items()}
     paint = b.material(GGX("paint", (0.10, 0.16, 0.22), metallic=0.0, roughness=0.5))
-    b.place(box((-1.75, -1.3, -0.25), (2.25, 1.95, -0.12), 0.5), paint, "plate")
+    b.place(box((-1.75, -1.3, -0.25), (2.7, 2.4, -0.12), 0.5), paint, "plate")
     shaft = b.shape(_shaft(), metals["steel"], "shaft")
     bolt = b.shape(_bolt(), metals["steel"], "bolt")
     for node, centre, teeth in _train(b, metals, steps, turning):
@@ -38,7 +38,7 @@ def gears(steps: int = 6, turning: bool = False) -> Scene:
             for angle in 2 * np.pi * np.arange(6) / 6:
                 where = 0.55 * MODULE * teeth / 2 * np.array([np.cos(angle), np.sin(angle)])
                 b.node(name="bolt", parent=node, meshes=(bolt,), translation=(float(where[0]), float(where[1]), 0.03), scale=(0.6,) * 3)
-    rim = [(x, y) for y in (-1.15, 1.8) for x in np.linspace(-1.6, 2.1, 8)] + [(x, y) for x in (-1.6, 2.1) for y in np.linspace(-0.66, 1.31, 5)]
+    rim = [(x, y) for y in (-1.15, 2.25) for x in np.linspace(-1.6, 2.55, 8)] + [(x, y) for x in (-1.6, 2.55) for y in np.linspace(-0.58, 1.68, 5)]
     for x, y in rim:
         b.node(name="bolt", meshes=(bolt,), translation=(float(x), float(y), -0.12))
     _studio(b)
@@ -80,15 +80,17 @@ def _about_z(angle: float) -> Quaternion:
 
 
 def outline(teeth: int, steps: int) -> F64:
-    """Spur-gear outline (P, 2), counter-clockwise, a tooth at angle 0: involute flanks at 20°, radial below the base circle.
+    """Spur-gear outline (P, 2), counter-clockwise, a tooth at angle 0: involute flanks at 20°, fillets below the base circle.
 
-    A flank at radius ρ lies half a tooth = π/(2N) + inv α - inv(acos(r_b/ρ)) from the tooth's axis, inv φ = tan φ - φ; 2 % backlash.
+    A flank at radius ρ lies half a tooth = π/(2N) + inv α - inv(acos(r_b/ρ)) from the tooth's axis, inv φ = tan φ - φ; 3 % backlash.
+    The fillet and a slight taper make the angle strictly monotone, so that no face triangle has zero area.
     """
     pitch = MODULE * teeth / 2
     base, root, tip = pitch * np.cos(PRESSURE_ANGLE), pitch - 1.25 * MODULE, pitch + MODULE
     radii = np.linspace(root, tip, steps + 1)
     phi = np.arccos(np.minimum(base / np.maximum(radii, base), 1.0))
-    half = 0.98 * np.pi / (2 * teeth) + (np.tan(PRESSURE_ANGLE) - PRESSURE_ANGLE) - (np.tan(phi) - phi)
+    half = 0.97 * np.pi / (2 * teeth) + (np.tan(PRESSURE_ANGLE) - PRESSURE_ANGLE) - (np.tan(phi) - phi)
+    half += 0.3 * np.maximum(base - radii, 0) / base + 0.005 * (tip - radii) / pitch
     top, bottom = np.linspace(-1, 1, 4)[1:-1], np.linspace(0, 1, 4)[1:-1]
     gap = 2 * np.pi / teeth - 2 * half[0]
     angle = np.concatenate([-half, top * half[-1], half[::-1], half[0] + bottom * gap])
@@ -133,7 +135,7 @@ def _bolt() -> Shape:
 def _studio(b: SceneBuilder) -> None:
     white = b.material(Lambert("studio", (0.6, 0.6, 0.6)))
     warm, cool = b.material(Lambert("warm wall", (0.6, 0.45, 0.3))), b.material(Lambert("cool wall", (0.3, 0.42, 0.6)))
-    open_room(b, (-3.2, -1.3, -1.2), (3.6, 3.0, 4.5), white=white, left=warm, right=cool)
+    open_room(b, (-3.2, -1.3, -1.2), (3.9, 3.4, 4.5), white=white, left=warm, right=cool)
     lamp = b.material(Lambert("softbox", albedo=BLACK, emission=(9.0, 8.6, 8.0), double_sided=False))
-    b.quad([(-1.4, 2.95, 0.8), (0.8, 2.95, 0.8), (0.8, 2.95, 2.6), (-1.4, 2.95, 2.6)], lamp, "softbox")
-    b.camera((-0.6, 0.9, 4.2), (0.22, 0.3, 0.0), np.radians(42))
+    b.quad([(-1.4, 3.35, 0.8), (1.0, 3.35, 0.8), (1.0, 3.35, 2.8), (-1.4, 3.35, 2.8)], lamp, "softbox")
+    b.camera((-0.6, 1.4, 5.3), (0.48, 0.6, 0.0), np.radians(43))

@@ -30,7 +30,7 @@ def kite(frames: int = 300) -> Scene:
     _chequers(b)
     sail = _sail(b, frames)
     _tail(b, sail, frames)
-    b.light(PointLight("lamp", (1.0, 0.92, 0.78), 12.0), (-1.2, 2.75, 0.8))
+    b.light(PointLight("lamp", (1.0, 0.92, 0.78), 12.0), (1.7, 2.7, 1.4))
     b.camera((0.0, 1.35, 6.0), (0.0, 1.4, 0.0), np.radians(38))
     return b.build(fps=FPS, frames=frames)
 
@@ -78,7 +78,7 @@ def _tail(b: SceneBuilder, sail: int, frames: int) -> None:
     ribbon = b.material(Lambert("ribbon", (0.8, 0.6, 0.15)))
     bow = b.material(Lambert("bow", (0.1, 0.25, 0.65)))
     t = np.linspace(0, 1, 25)
-    strip = np.stack([np.column_stack([s * np.cos(4 * t), -LINK * t, s * np.sin(4 * t)]) for s in (-0.02, 0.02)], axis=1)
+    strip = np.stack([np.column_stack([s * np.cos(2 * t), -LINK * t, s * np.sin(2 * t)]) for s in (-0.02, 0.02)], axis=1)
     s, w = np.meshgrid(np.linspace(-1, 1, 33), np.linspace(-1, 1, 13), indexing="ij")
     wings = np.stack([0.1 * s, -LINK / 2 + 0.05 * w * (0.2 + np.abs(s)), 0.02 * np.sin(3 * s)], axis=-1)
     meshes = b.shape(grid(strip), ribbon, "ribbon"), b.shape(grid(wings), bow, "bow")

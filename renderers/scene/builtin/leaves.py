@@ -32,7 +32,7 @@ def leaves(count: int = 4000, seed: int = 0) -> Scene:
     b.place(_backdrop(), b.material(Lambert("backdrop", (0.62, 0.60, 0.56))), "backdrop")
     lamp = b.material(Lambert("lamp", albedo=BLACK, emission=(16.0, 14.5, 12.5), double_sided=False))
     b.quad([(-2.6, 4.2, -0.2), (-1.0, 4.2, -0.2), (-1.0, 4.2, 1.4), (-2.6, 4.2, 1.4)], lamp, "lamp")
-    b.camera((0.9, 1.45, 5.6), (0.0, 1.38, 0.0), np.radians(34))
+    b.camera((0.9, 1.5, 5.4), (0.05, 1.4, 0.0), np.radians(32))
     return b.build(count=count, seed=seed)
 
 
@@ -68,7 +68,7 @@ def _foliage(b: SceneBuilder, rng: np.random.Generator, tips: F64, count: int) -
     if rest:
         chosen.append(b.shape(_spray(rng, rest), paints[0], "last spray"))
     # more leaves are smaller leaves, so that the crown keeps its cover whatever the count
-    size = float(np.sqrt(4000 / max(count, 250)))
+    size = float(1.35 * np.sqrt(4000 / max(count, 250)))
     for mesh in chosen:
         where = tips[int(rng.integers(len(tips)))] + rng.normal(size=3) * 0.06
         b.node(
@@ -92,7 +92,7 @@ def _spray(rng: np.random.Generator, count: int) -> Shape:
         out = np.array([np.cos(turn) * np.cos(lift), np.sin(lift), np.sin(turn) * np.cos(lift)])
         side = np.cross(out, [0.0, 1.0, 0.0])
         side /= np.linalg.norm(side)
-        axes = np.column_stack([side, np.cross(side, out), out])
+        axes = np.column_stack([side, np.cross(out, side), out])
         cards.append(moved(_leaf(rng.uniform(0.8, 1.2)), (0.0, 0.16 * k / SPRAY, 0.0), axes))
     return merge(*cards)
 
@@ -109,4 +109,4 @@ def _backdrop() -> Shape:
     bend = np.linspace(0, np.pi / 2, 17)
     z = np.concatenate([[4.0], -1.6 - 1.4 * np.sin(bend), [-3.0]])
     y = np.concatenate([[0.0], 1.4 - 1.4 * np.cos(bend), [4.6]])
-    return grid(np.stack([np.stack([np.full_like(z, x), y, z], axis=-1) for x in np.linspace(-5.5, 5.5, 12)], axis=1))
+    return grid(np.stack([np.stack([np.full_like(z, x), y, z], axis=-1) for x in np.linspace(-9.0, 9.0, 16)], axis=1))

@@ -12,7 +12,7 @@ GREY = (0.6, 0.6, 0.6)
 
 
 @checked(light=("directional", "area"), side=(0.01, 100.0), distance=(0.001, 100.0), albedo=(0.0, 1.0))
-def parallel_plates(light: str = "directional", side: float = 1.0, distance: float = 0.5, albedo: float = 0.5) -> Scene:
+def parallel_plates(light: str = "directional", side: float = 1.0, distance: float = 1.0, albedo: float = 0.5) -> Scene:
     """Two opposed squares without contact; the lower one receives from the upper one exactly what a formula says.
 
     light area: the upper plate is black and emits radiance 1. light directional: a slanted beam from below passes beside the lower plate
@@ -33,7 +33,7 @@ def parallel_plates(light: str = "directional", side: float = 1.0, distance: flo
         direction = np.array([1.5 * side, distance, 0.0])
         cosine = distance / float(np.linalg.norm(direction))
         b.light(DirectionalLight("beam", intensity=np.pi / cosine), rotation=look_rotation(direction))
-    b.camera((0.55 * side, 0.42 * distance, 1.75 * side), (0, 0.3 * distance, 0), np.radians(45))
+    b.camera((0.6 * side, 0.66 * distance, 1.9 * side), (0, 0.52 * distance, 0), np.radians(45))
     return b.build(light=light, side=side, distance=distance, albedo=albedo)
 
 
@@ -55,7 +55,7 @@ def rectangle_light(
     _level(b, width / 2, depth / 2, height, lamp, "lamp", up=False)
     if occluder:
         _level(b, occluder / 2, occluder / 2, height / 2, b.material(Lambert("black", BLACK)), "occluder", up=False)
-    b.camera((0.7 * size, 1.15 * height, 1.0 * size), (0, 0.3 * height, 0), np.radians(38))
+    b.camera((0.3 * size, 0.7 * height, 0.7 * size), (0, 0.5 * height, 0), np.radians(46))
     return b.build(width=width, depth=depth, height=height, radiance=radiance, albedo=albedo, occluder=occluder)
 
 
@@ -79,7 +79,7 @@ def corner(angle: float = 90.0, side: float = 1.0, light: str = "directional") -
     if light == "directional":
         b.light(DirectionalLight("sun", intensity=np.pi), rotation=look_rotation(-inward))
     target = 0.3 * side * inward
-    b.camera(target + side * (2.1 * inward + np.array([0.9, 0.25, 0.1])), target, np.radians(35))
+    b.camera(target + side * (2.3 * inward + np.array([0.9, 0.25, 0.1])), target, np.radians(38))
     return b.build(angle=angle, side=side, light=light)
 
 

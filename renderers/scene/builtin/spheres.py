@@ -28,7 +28,7 @@ def bouncing_spheres(frames: int = 200, seed: int = 0) -> Scene:
     white, warm = b.material(Lambert("white", (0.75,) * 3)), b.material(Lambert("floor", (0.6, 0.55, 0.5)))
     back = b.material(Phong("back", diffuse=(0.15, 0.15, 0.18), specular=(0.6,) * 3, exponent=30.0))
     left, right = b.material(Lambert("left", (0.6, 0.25, 0.12))), b.material(Lambert("right", (0.15, 0.3, 0.5)))
-    open_room(b, (-3, 0, -3), (3, 3, 1), white=white, left=left, right=right, back=back, floor=warm)
+    open_room(b, (-3, 0, -3), (3, 3, 2), white=white, left=left, right=right, back=back, floor=warm)
     ball = sphere(1.0, 22, 23)
     meshes = [b.shape(ball, b.material(Lambert(f"matte {k}", c)), "ball") for k, c in enumerate(PAINTS)]
     for k, (red, green, blue) in enumerate(PAINTS):
@@ -45,5 +45,5 @@ def bouncing_spheres(frames: int = 200, seed: int = 0) -> Scene:
         height = radius + 4 * rng.uniform(0.4, 1.9) * phase * (1 - phase)
         b.animate(node, "translation", time / FPS, np.column_stack([np.full(frames + 1, x), height, np.full(frames + 1, z)]))
     b.light(PointLight("lamp", (1.0, 0.95, 0.85), 18.0), (0.4, 2.75, -0.2))
-    b.camera((0.0, 1.7, 5.6), (0.0, 1.25, -1.0), np.radians(38))
+    b.camera((0.0, 1.75, 4.9), (0.0, 1.15, -1.0), np.radians(36))
     return b.build(fps=FPS, frames=frames, seed=seed)
