@@ -1,6 +1,7 @@
 """Files to (JSON, buffers) and back: GLB chunks, data URIs, files beside a .gltf. Nothing is allocated on a header's word alone.
 
-Limits: MAX_FILE_BYTES for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf only, a plain file name in the same folder.
+Limits: MAX_FILE_BYTES for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf only, a plain file name in the
+same folder.
 """
 
 from __future__ import annotations

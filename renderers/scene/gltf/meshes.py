@@ -67,7 +67,7 @@ class MeshReader:
             return None
         material = self._material(part)
         use = self.uses[material]
-        attributes = part.object("attributes")
+        attributes = part.child("attributes")
         for attribute in attributes.data:
             self.notes.add(f"attribute {attribute[:32]!r} is ignored ({{n}} primitives)", int(attribute not in HELD))
         if use.removed:
@@ -103,8 +103,8 @@ class MeshReader:
             raise part.error("has no POSITION")
         if len({len(a) for a in arrays.values()}) != 1:
             raise part.error("attributes differ in count")
-        for key in ("POSITION", "TEXCOORD_0"):
-            bad = np.flatnonzero(~np.isfinite(arrays[key]).all(axis=1)) if key in arrays else ()
+        for key in [k for k in ("POSITION", "TEXCOORD_0") if k in arrays]:
+            bad = np.flatnonzero(~np.isfinite(arrays[key]).all(axis=1))
             if len(bad):
                 raise part.error(f"vertex {bad[0]}: {key} is not finite ({len(bad)} such vertices)")
         return arrays["POSITION"], arrays.get("NORMAL"), arrays.get("TEXCOORD_0")
