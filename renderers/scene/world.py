@@ -2,8 +2,8 @@
 
 Normalised means: the centre of the scene's rest-pose bounding box lies at the origin and half its diagonal is 1. Ray offsets of
 Mitsuba are absolute near the origin, float32 positions lose digits far from it, and every relative tolerance becomes a plain
-number; so the normalisation happens once, here, for GL, ray casting and Mitsuba alike. Intensities of point and spot lights are multiplied
-by scale²; radiance and irradiance don't change, so images are those of the scene in metres.
+number; so the normalisation happens once, here, for GL, ray casting and Mitsuba alike. Intensities of point and spot lights are
+multiplied by scale²; radiance and irradiance don't change, so images are those of the scene in metres.
 
     p_world = (p_metres - centre) · scale,        scale = 1 / half diagonal
 """

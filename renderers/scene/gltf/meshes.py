@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.scene.geometry import F32, U32, Findings, cleaned
+from renderers.scene.geometry import F32, U32, cleaned
 from renderers.scene.gltf.accessors import Accessors
 from renderers.scene.gltf.container import Document
 from renderers.scene.gltf.element import Element
@@ -76,7 +76,7 @@ class MeshReader:
         triangles = self._topology(part, mode, positions)
         uvs = self._coordinates(uvs, use)
         positions, normals, triangles, uvs, findings = cleaned(positions, normals, triangles, uvs)
-        self._report(findings)
+        self.notes.findings(findings)
         return Mesh(name, positions, normals, triangles, material, uvs) if len(triangles) else None
 
     def _material(self, part: Element) -> int:
@@ -133,14 +133,6 @@ class MeshReader:
         if use.uv_transform is None:
             return uvs
         return (uvs.astype(np.float64) @ use.uv_transform[:, :2].T + use.uv_transform[:, 2]).astype(np.float32)
-
-    def _report(self, found: Findings) -> None:
-        self.notes.add("{n} zero-area triangles dropped", found.zero_area)
-        self.notes.add("{n} duplicate triangles dropped", found.duplicates)
-        self.notes.add("normals missing: flat ones computed ({n} triangles)", found.missing_normals)
-        self.notes.add("{n} normals not finite or zero: computed from the faces", found.bad_normals)
-        self.notes.add("{n} normals not of unit length: scaled", found.scaled_normals)
-        self.notes.add("{n} triangles have normals against their winding", found.against_winding)
 
 
 def _triangles(corners: NDArray[np.uint32], mode: int) -> U32:
