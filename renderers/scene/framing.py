@@ -19,7 +19,7 @@ LIGHT_NEEDS = frozenset({"point_light", "directional_light", "spot_light", "area
 
 
 def checked(scene: Scene, file: str) -> Scene:
-    """The scene itself. Raises SceneError when instances multiply beyond MAX_PLACED_TRIANGLES or its size leaves the supported range."""
+    """The scene itself. Raises SceneError when it places more than MAX_PLACED_TRIANGLES or its size leaves the supported range."""
     placed = sum(len(scene.meshes[i].triangles) for node in scene.nodes for i in node.meshes)
     if placed > MAX_PLACED_TRIANGLES:
         raise SceneError(f"{file}: scene: {placed} placed triangles, more than the limit of {MAX_PLACED_TRIANGLES}")
@@ -33,7 +33,7 @@ def checked(scene: Scene, file: str) -> Scene:
 def completed(scene: Scene, *, headlight: bool = False) -> Scene:
     """The scene with a view framed from its bounding box if it has no camera, and notes on what it lacks.
 
-    With `headlight`, a scene without light gets a point light above the camera that gives an irradiance of about π W/m² at the centre.
+    With `headlight`, a scene without light gets a point light above the camera: about π W/m² at the centre.
     """
     if not has_geometry(scene):
         return scene.with_notes("scene has no geometry")

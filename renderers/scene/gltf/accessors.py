@@ -1,9 +1,11 @@
-"""Accessors: typed arrays inside buffers (glTF 2.0, 3.6.2). Interleaved, sparse and normalised; each is checked against its buffer first.
+"""Accessors: typed arrays inside buffers (glTF 2.0, 3.6.2), interleaved, sparse or normalised, checked against their buffers.
 
 An accessor without a bufferView is all zeros and may claim any size: MAX_ZEROS bounds it.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,7 @@ from renderers.scene.gltf.container import Document
 from renderers.scene.gltf.element import Element
 
 MAX_ZEROS = 4_000_000
-COMPONENTS = {
+COMPONENTS: dict[int, np.dtype[Any]] = {
     5120: np.dtype("<i1"),
     5121: np.dtype("<u1"),
     5122: np.dtype("<i2"),
@@ -61,24 +63,24 @@ class Accessors:
         """Decoded values float32 (N, width), integers normalised where the accessor says so; `kinds` are the allowed types."""
         raw, item = self._raw(index, kinds), self._items[index]
         if raw.dtype.kind == "f":
-            return raw.astype(np.float32)
+            return np.asarray(raw, np.float32).copy()
         if not item.flag("normalized"):
-            return raw.astype(np.float32)
+            return np.asarray(raw, np.float32).copy()
         scaled = raw.astype(np.float64) / np.iinfo(raw.dtype).max
-        return np.maximum(scaled, -1.0).astype(np.float32)
+        return np.asarray(np.maximum(scaled, -1.0), np.float32)
 
     def indices(self, index: int) -> NDArray[np.uint32]:
         """Unsigned integers, uint32 (N,)."""
         raw = self._raw(index, ("SCALAR",))
         if raw.dtype.kind != "u":
             raise self._items[index].error("indices must be unsigned integers")
-        return raw[:, 0].astype(np.uint32)
+        return np.asarray(raw[:, 0], np.uint32).copy()
 
     def is_integer(self, index: int) -> bool:
         """Whether the stored components are integers (quantised)."""
         return self._items[index].data.get("componentType") != 5126
 
-    def _raw(self, index: int, kinds: tuple[str, ...]) -> NDArray[np.generic]:
+    def _raw(self, index: int, kinds: tuple[str, ...]) -> NDArray[Any]:
         item = self._items[index]
         kind = item.choice("type", kinds)
         dtype = COMPONENTS.get(item.integer("componentType"))
@@ -89,15 +91,15 @@ class Accessors:
         if view is None:
             if count > MAX_ZEROS:
                 raise item.error(f"count {count} is over the limit of {MAX_ZEROS} without a bufferView")
-            values: NDArray[np.generic] = np.broadcast_to(np.zeros(1, dtype), (count, width))
+            values: NDArray[Any] = np.broadcast_to(np.zeros(1, dtype), (count, width))
         else:
             stride = self._views[view].integer("byteStride", 0, high=252)
             values = self._strided(item, view, item.integer("byteOffset", 0), (count, width), dtype, stride)
         return self._patched(item, values, dtype) if item.has("sparse") else values
 
     def _strided(
-        self, item: Element, view: int, start: int, shape: tuple[int, int], dtype: np.dtype[np.generic], stride: int = 0
-    ) -> NDArray[np.generic]:
+        self, item: Element, view: int, start: int, shape: tuple[int, int], dtype: np.dtype[Any], stride: int = 0
+    ) -> NDArray[Any]:
         data = self.view(view)
         count, width = shape
         tight = width * dtype.itemsize
@@ -109,12 +111,12 @@ class Accessors:
             raise item.error(f"{count} elements need {needed} bytes, bufferViews[{view}] has {len(data)}")
         return np.ndarray(shape, dtype, data, start, (step, dtype.itemsize))
 
-    def _patched(self, item: Element, values: NDArray[np.generic], dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
-        sparse = item.object("sparse")
+    def _patched(self, item: Element, values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+        sparse = item.child("sparse")
         count = sparse.integer("count", low=1, high=len(values))
         parts = []
         for key, width in (("indices", 1), ("values", values.shape[1])):
-            part = sparse.object(key)
+            part = sparse.child(key)
             view = part.index("bufferView", len(self._views), "buffer views")
             kind = COMPONENTS.get(part.integer("componentType")) if key == "indices" else dtype
             if view is None or kind is None:

@@ -41,7 +41,7 @@ def read_channels(document: Document, accessors: Accessors, places: Places, note
     for animation in document.root.objects("animations"):
         samplers = animation.objects("samplers")
         for item in animation.objects("channels"):
-            target = _target(item.object("target"), places, notes)
+            target = _target(item.child("target"), places, notes)
             if target is None:
                 continue
             if target in found:

@@ -1,6 +1,7 @@
 """Files to (JSON, buffers) and back: GLB chunks, data URIs, files beside a .gltf. Nothing is allocated on a header's word alone.
 
-Limits: MAX_FILE_BYTES for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf only, a plain file name in the same folder.
+Limits: `files.MAX_FILE_BYTES` for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf only, the plain name of a
+file in the same folder.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from renderers.scene.files import read_limited, sibling
 from renderers.scene.gltf.element import Element, quoted
 from renderers.scene.model import SceneError
 
-MAX_FILE_BYTES = 512 * 2**20
 MAX_JSON_BYTES = 64 * 2**20
 GLB_MAGIC, JSON_CHUNK, BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 
@@ -57,24 +58,11 @@ class Document:
                 return base64.b64decode(body, validate=True)
             except binascii.Error as error:
                 raise item.error(f"data URI is not base64 ({error})") from None
-        name = unquote(uri)
-        if self.folder is None or ":" in name or "/" in name or "\\" in name or "\0" in name or name in ("", ".", ".."):
-            raise item.error(f"external URI {quoted(uri)} is not allowed")
-        path = self.folder / name
-        if path.is_symlink() or not path.is_file():
-            raise item.error(f"file {quoted(name)} not found beside the scene")
+        path = None if self.folder is None else sibling(self.folder, unquote(uri))
+        if path is None:
+            where = "not allowed in .glb" if self.folder is None else "no plain name of a file beside the scene"
+            raise item.error(f"external URI {quoted(uri)}: {where}")
         return read_limited(path)
-
-
-def read_limited(path: Path) -> bytes:
-    """The bytes of a regular file, at most MAX_FILE_BYTES. Raises SceneError."""
-    try:
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            raise SceneError(f"{path}: file: {size} bytes, more than the limit of {MAX_FILE_BYTES}")
-        return path.read_bytes()
-    except OSError as error:
-        raise SceneError(f"{path}: file: {error.strerror}") from None
 
 
 def open_document(path: Path) -> Document:

@@ -29,7 +29,7 @@ class Element:
         """Whether the element says anything under `key`."""
         return key in self.data
 
-    def object(self, key: str) -> Element:
+    def child(self, key: str) -> Element:
         """The object under `key`; an absent one is empty."""
         value = self.data.get(key, {})
         if not isinstance(value, dict):
@@ -38,8 +38,8 @@ class Element:
 
     def extension(self, name: str) -> Element | None:
         """The extension object called `name`, or None."""
-        extensions = self.object("extensions")
-        return extensions.object(name) if extensions.has(name) else None
+        extensions = self.child("extensions")
+        return extensions.child(name) if extensions.has(name) else None
 
     def objects(self, key: str) -> list[Element]:
         """The array of objects under `key`, each named by its index and its own name; absent means empty."""

@@ -16,7 +16,7 @@ from renderers.scene.gltf.element import Element
 from renderers.scene.model import SceneError
 
 KEY, VERSION = "luxmeter", 1
-DTYPES = {"float32": np.dtype("<f4"), "float64": np.dtype("<f8")}
+DTYPES: dict[str, np.dtype[Any]] = {"float32": np.dtype("<f4"), "float64": np.dtype("<f8")}
 
 
 def own_extras(element: Element) -> Element | None:
@@ -24,7 +24,7 @@ def own_extras(element: Element) -> Element | None:
     extras = element.data.get("extras")
     if not isinstance(extras, dict) or KEY not in extras:
         return None
-    own = Element(element.file, f"{element.where} extras", extras).object(KEY)
+    own = Element(element.file, f"{element.where} extras", extras).child(KEY)
     if own.integer("version") != VERSION:
         raise own.error(f"version {own.data['version']} is not supported, only {VERSION}")
     return own
@@ -69,9 +69,9 @@ def put_extras(data: dict[str, Any], text: str, own: dict[str, Any] | None = Non
     return {**data, "extras": {KEY: {**marked, "extras": extras}}}
 
 
-def read_array(own: Element, key: str, accessors: Accessors, ndim: int) -> NDArray[np.generic]:
+def read_array(own: Element, key: str, accessors: Accessors, ndim: int) -> NDArray[Any]:
     """A raw little-endian array {"bufferView", "type", "shape"} that `write_array` of the writer stored under `key`."""
-    item = own.object(key)
+    item = own.child(key)
     dtype = DTYPES[item.choice("type", tuple(DTYPES))]
     shape = item.array("shape")
     if len(shape) != ndim or any(isinstance(n, bool) or not isinstance(n, int) or not 0 < n < 2**31 for n in shape):
@@ -83,7 +83,7 @@ def read_array(own: Element, key: str, accessors: Accessors, ndim: int) -> NDArr
         size *= n
     if size != len(data):
         raise item.error(f"shape needs {size} bytes, its bufferView has {len(data)}")
-    values = np.frombuffer(data, dtype).reshape(shape).copy()
+    values: NDArray[Any] = np.frombuffer(data, dtype).reshape(shape).copy()
     if not np.isfinite(values).all():
         raise item.error("holds values that are not finite")
     return values

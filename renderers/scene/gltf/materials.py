@@ -1,7 +1,7 @@
 """Materials and base-colour textures (glTF 2.0, 3.9; KHR_materials_emissive_strength; KHR_texture_transform).
 
-metallic 0 and roughness 1 is Lambert, everything else GGX; Phong and exceptions stand in extras.luxmeter. A MASK material whose constant alpha
-is under its cutoff, and a BLEND material of alpha < 0.5, remove their primitives; all others are opaque.
+metallic 0 and roughness 1 is Lambert, everything else GGX; Phong and exceptions stand in extras.luxmeter. A MASK material whose
+constant alpha is under its cutoff, and a BLEND material of alpha < 0.5, remove their primitives; all others are opaque.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def read_materials(document: Document, textures: dict[int, int], notes: Notes, *
 
 
 def _material(item: Element, textures: dict[int, int], notes: Notes, photometric: bool) -> MaterialUse:
-    pbr = item.object("pbrMetallicRoughness")
+    pbr = item.child("pbrMetallicRoughness")
     red, green, blue, alpha = pbr.numbers("baseColorFactor", 4, (1, 1, 1, 1), 0, 1)
     metallic, roughness = pbr.number("metallicFactor", 1.0, 0, 1), pbr.number("roughnessFactor", 1.0, 0, 1)
     texture, transform = _base_texture(pbr, textures, notes)
@@ -108,7 +108,7 @@ def _removed(item: Element, alpha: float, notes: Notes) -> bool:
 def _base_texture(pbr: Element, textures: dict[int, int], notes: Notes) -> tuple[int | None, NDArray[np.float64] | None]:
     if not pbr.has("baseColorTexture"):
         return None, None
-    info = pbr.object("baseColorTexture")
+    info = pbr.child("baseColorTexture")
     index = info.integer("index")
     if index not in textures:
         raise info.error(f"index {index} names none of the textures")
@@ -132,12 +132,13 @@ def _uv_matrix(transform: Element) -> NDArray[np.float64]:
 
 def base_color_textures(document: Document) -> list[int]:
     """Texture indices to decode: those of base colours and those that nothing refers to."""
-    base, other = set(), set()
+    base: set[int] = set()
+    other: set[int] = set()
     for item in document.root.objects("materials"):
-        pbr = item.object("pbrMetallicRoughness")
+        pbr = item.child("pbrMetallicRoughness")
         for owner, key in [(pbr, "baseColorTexture"), (pbr, "metallicRoughnessTexture"), *((item, k) for k in OTHER_TEXTURES)]:
             if owner.has(key):
-                (base if key == "baseColorTexture" else other).add(owner.object(key).integer("index"))
+                (base if key == "baseColorTexture" else other).add(owner.child(key).integer("index"))
     return [i for i in range(len(document.root.objects("textures"))) if i in base or i not in other]
 
 
@@ -156,11 +157,11 @@ def read_textures(document: Document, accessors: Accessors, notes: Notes) -> tup
         source = item.index("source", len(images), "images")
         if source is None:
             raise item.error("has no PNG or JPEG source")
-        image = _decoded(document, accessors, images[source], MAX_TEXTURE_PIXELS - pixels, notes)
-        pixels += image.shape[0] * image.shape[1]
+        decoded = _decoded(document, accessors, images[source], MAX_TEXTURE_PIXELS - pixels, notes)
+        pixels += decoded.shape[0] * decoded.shape[1]
         places[index] = len(found)
         name = item.text("name") or images[source].text("name")
-        found.append(Texture(name, image, _wrap(document, item)))
+        found.append(Texture(name, decoded, _wrap(document, item)))
     return tuple(found), places
 
 

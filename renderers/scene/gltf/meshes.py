@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.scene.geometry import F32, U32, Findings, cleaned
+from renderers.scene.geometry import F32, U32, cleaned
 from renderers.scene.gltf.accessors import Accessors
 from renderers.scene.gltf.container import Document
 from renderers.scene.gltf.element import Element
@@ -67,7 +67,7 @@ class MeshReader:
             return None
         material = self._material(part)
         use = self.uses[material]
-        attributes = part.object("attributes")
+        attributes = part.child("attributes")
         for attribute in attributes.data:
             self.notes.add(f"attribute {attribute[:32]!r} is ignored ({{n}} primitives)", int(attribute not in HELD))
         if use.removed:
@@ -76,7 +76,7 @@ class MeshReader:
         triangles = self._topology(part, mode, positions)
         uvs = self._coordinates(uvs, use)
         positions, normals, triangles, uvs, findings = cleaned(positions, normals, triangles, uvs)
-        self._report(findings)
+        self.notes.findings(findings)
         return Mesh(name, positions, normals, triangles, material, uvs) if len(triangles) else None
 
     def _material(self, part: Element) -> int:
@@ -103,8 +103,8 @@ class MeshReader:
             raise part.error("has no POSITION")
         if len({len(a) for a in arrays.values()}) != 1:
             raise part.error("attributes differ in count")
-        for key in ("POSITION", "TEXCOORD_0"):
-            bad = np.flatnonzero(~np.isfinite(arrays[key]).all(axis=1)) if key in arrays else ()
+        for key in [k for k in ("POSITION", "TEXCOORD_0") if k in arrays]:
+            bad = np.flatnonzero(~np.isfinite(arrays[key]).all(axis=1))
             if len(bad):
                 raise part.error(f"vertex {bad[0]}: {key} is not finite ({len(bad)} such vertices)")
         return arrays["POSITION"], arrays.get("NORMAL"), arrays.get("TEXCOORD_0")
@@ -133,14 +133,6 @@ class MeshReader:
         if use.uv_transform is None:
             return uvs
         return (uvs.astype(np.float64) @ use.uv_transform[:, :2].T + use.uv_transform[:, 2]).astype(np.float32)
-
-    def _report(self, found: Findings) -> None:
-        self.notes.add("{n} zero-area triangles dropped", found.zero_area)
-        self.notes.add("{n} duplicate triangles dropped", found.duplicates)
-        self.notes.add("normals missing: flat ones computed ({n} triangles)", found.missing_normals)
-        self.notes.add("{n} normals not finite or zero: computed from the faces", found.bad_normals)
-        self.notes.add("{n} normals not of unit length: scaled", found.scaled_normals)
-        self.notes.add("{n} triangles have normals against their winding", found.against_winding)
 
 
 def _triangles(corners: NDArray[np.uint32], mode: int) -> U32:

@@ -1,4 +1,4 @@
-"""The node tree, lights and cameras (glTF 2.0, 3.5 and 3.10; KHR_lights_punctual). Trees only: a cycle or a second parent is refused."""
+"""The node tree, lights and cameras (glTF 2.0, 3.5 and 3.10; KHR_lights_punctual); a cycle or a second parent is refused."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _light(item: Element, notes: Notes, unit: float) -> Light:
         return PointLight(name, rgb, intensity, extras)
     if kind == "directional":
         return DirectionalLight(name, rgb, intensity, extras)
-    spot = item.object("spot")
+    spot = item.child("spot")
     outer = spot.number("outerConeAngle", np.pi / 4, 0, np.pi / 2 + 1e-6)
     inner = spot.number("innerConeAngle", 0.0, 0, np.pi / 2)
     if not inner < outer:
@@ -52,7 +52,7 @@ def read_cameras(document: Document, notes: Notes) -> tuple[tuple[Camera, ...], 
             notes.add("orthographic cameras are ignored ({n} cameras)")
             continue
         places[index] = len(found)
-        yfov = item.object("perspective").number("yfov", low=0, high=np.pi, above=True)
+        yfov = item.child("perspective").number("yfov", low=0, high=np.pi, above=True)
         found.append(Camera(item.text("name"), yfov, foreign_extras(item)))
     return tuple(found), places
 

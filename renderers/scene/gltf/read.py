@@ -12,7 +12,7 @@ import numpy as np
 from renderers.scene.framing import checked, completed
 from renderers.scene.gltf.accessors import Accessors
 from renderers.scene.gltf.animation import Places, read_channels
-from renderers.scene.gltf.container import Document, open_document
+from renderers.scene.gltf.container import open_document
 from renderers.scene.gltf.element import Element, quoted
 from renderers.scene.gltf.extras import own_extras, read_array
 from renderers.scene.gltf.materials import color, read_materials, read_textures
@@ -22,8 +22,12 @@ from renderers.scene.model import WHITE, Environment, Scene
 from renderers.scene.notes import Notes
 
 SUPPORTED = (
-    "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_animation_pointer", "KHR_mesh_quantization", "KHR_texture_transform",
-)  # fmt: skip
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_animation_pointer",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+)
 EXTRAS_HELD = ("asset", "materials", "nodes", "cameras", "lights")
 
 
@@ -65,7 +69,7 @@ def read_gltf(path: str | os.PathLike[str], photometric: bool = False) -> Scene:
 
 
 def _check_asset(root: Element, notes: Notes) -> None:
-    version = root.object("asset").text("version")
+    version = root.child("asset").text("version")
     if not version.startswith("2."):
         raise root.error(f"asset version {quoted(version)} is not supported, only 2.0")
     for name in root.array("extensionsRequired"):
@@ -119,8 +123,8 @@ def _name(root: Element, path: Path, own: Element | None) -> str:
 
 def _parameters(root: Element, own: Element | None) -> dict[str, object]:
     """Builder parameters that our writer kept, and whom a file is owed to: `copyright` and `asset` (the asset's extras)."""
-    found = dict(own.object("parameters").data) if own is not None else {}
-    asset = root.object("asset")
+    found = dict(own.child("parameters").data) if own is not None else {}
+    asset = root.child("asset")
     found |= {"copyright": asset.text("copyright")} if asset.has("copyright") else {}
     return found | ({"asset": asset.data["extras"]} if asset.has("extras") else {})
 
@@ -141,7 +145,7 @@ def _with_own(scene: Scene, own: Element, accessors: Accessors) -> Scene:
 def _environment(own: Element, accessors: Accessors) -> Environment | None:
     if not own.has("environment"):
         return None
-    item = own.object("environment")
+    item = own.child("environment")
     image = read_array(item, "image", accessors, 3).astype(np.float32) if item.has("image") else None
     if image is not None and (image.shape[2] != 3 or (image < 0).any()):
         raise item.error("image must be (H, W, 3) and not negative")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import os
 from pathlib import Path
 from typing import Any
@@ -16,35 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.scene.gltf.container import pack_glb
+from renderers.scene.gltf.encode import Json, camera_json, face_on_area, light_json, material_json, named
 from renderers.scene.gltf.extras import put_extras
-from renderers.scene.model import (
-    BLACK,
-    GGX,
-    WHITE,
-    Camera,
-    Channel,
-    Color,
-    DirectionalLight,
-    DiscLight,
-    Lambert,
-    Light,
-    Material,
-    Mesh,
-    Node,
-    Phong,
-    Scene,
-    SceneError,
-    SphereLight,
-    SpotLight,
-    Texture,
-)
+from renderers.scene.model import BLACK, WHITE, Channel, DiscLight, Mesh, Node, Scene, SceneError, SphereLight, Texture
 from renderers.scene.world import rest_bounds
 
 COMPONENTS = {np.dtype("<f4"): 5126, np.dtype("<u2"): 5123, np.dtype("<u4"): 5125}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
-NEAR = 1e-3
-Json = dict[str, Any]
 
 
 class Binary:
@@ -83,7 +61,7 @@ class Binary:
 
 
 def write_gltf(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write `scene` to a .glb file. Raises SceneError for what no glTF can hold (a base colour beyond 1, an outer spot angle beyond π/2)."""
+    """Write `scene` to a .glb file. Raises SceneError for what glTF can't hold (a base colour beyond 1, a spot wider than π/2)."""
     if Path(path).suffix.lower() != ".glb":
         raise SceneError(f"{os.fspath(path)}: file: only .glb is written")
     Path(path).write_bytes(gltf_bytes(scene))
@@ -100,14 +78,14 @@ def gltf_bytes(scene: Scene) -> bytes:
         "scenes": [],
         "nodes": _nodes(scene, places),
         "meshes": meshes,
-        "materials": [_material(m) for m in scene.materials],
-        "cameras": [_camera(c, rest_bounds(scene)[1]) for c in scene.cameras],
+        "materials": [material_json(m) for m in scene.materials],
+        "cameras": [camera_json(c, rest_bounds(scene)[1]) for c in scene.cameras],
     }
     root |= _textures(scene.textures, binary)
     if scene.channels:
         root["animations"] = [_animation(scene, binary)]
     if scene.lights:
-        root["extensions"] = {"KHR_lights_punctual": {"lights": [_light(light) for light in scene.lights]}}
+        root["extensions"] = {"KHR_lights_punctual": {"lights": [light_json(light) for light in scene.lights]}}
     own |= {"meshes": order, **_own_scene(scene, binary)}
     if "copyright" in scene.parameters:
         root["asset"]["copyright"] = str(scene.parameters["copyright"])
@@ -153,7 +131,7 @@ def _extensions_used(root: Json) -> list[str]:
 
 
 def _meshes(scene: Scene, binary: Binary) -> tuple[list[Json], dict[tuple[int, ...], int], list[list[int]]]:
-    """glTF meshes (one for each set of Meshes that a node places), where each set went, and [mesh, primitive] of every Scene mesh."""
+    """glTF meshes, one for each set of Meshes that a node places; where each set went; [mesh, primitive] of every Scene mesh."""
     primitives = [_primitive(mesh, binary) for mesh in scene.meshes]
     placed = {node.meshes for node in scene.nodes}
     sets = list(dict.fromkeys(node.meshes for node in scene.nodes if node.meshes))
@@ -166,7 +144,7 @@ def _meshes(scene: Scene, binary: Binary) -> tuple[list[Json], dict[tuple[int, .
         for k, mesh in enumerate(row):
             order.setdefault(mesh, [index, k])
             parts.append(put_extras(primitives[mesh], "", {"name": scene.meshes[mesh].name}) if len(row) > 1 else primitives[mesh])
-        items.append(_named(scene.meshes[row[0]].name, {"primitives": parts}))
+        items.append(named(scene.meshes[row[0]].name, {"primitives": parts}))
     return items, {row: i for i, row in enumerate(sets)}, [order[i] for i in range(len(primitives))]
 
 
@@ -186,46 +164,6 @@ def _primitive(mesh: Mesh, binary: Binary) -> Json:
     }
 
 
-def _named(name: str, data: Json) -> Json:
-    return {"name": name, **data} if name else data
-
-
-def _material(material: Material) -> Json:
-    own: Json | None = None
-    if isinstance(material, Lambert):
-        base, metallic, roughness = material.albedo, 0.0, 1.0
-    elif isinstance(material, GGX):
-        base, metallic, roughness = material.base_color, material.metallic, material.roughness
-        if metallic == 0 and roughness == 1:
-            own = {"model": "ggx"}
-    else:
-        base = (min(material.diffuse[0], 1.0), min(material.diffuse[1], 1.0), min(material.diffuse[2], 1.0))
-        # Beckmann-like width of a Phong lobe: alpha² = 2 / (n + 2), roughness = sqrt(alpha)  (Walter et al. 2007, section 5.2)
-        metallic, roughness = 0.0, (2 / (material.exponent + 2)) ** 0.25
-        own = {"model": "phong", "diffuse": material.diffuse, "specular": material.specular, "exponent": material.exponent}
-    if not all(0 <= v <= 1 for v in (*base, metallic, roughness)):
-        raise SceneError(f"material {material.name!r}: base colour, metallic and roughness must lie in [0, 1]")
-    pbr: Json = {"baseColorFactor": [*base, 1.0], "metallicFactor": metallic, "roughnessFactor": roughness}
-    if material.texture is not None:
-        pbr["baseColorTexture"] = {"index": material.texture}
-    data = _named(material.name, {"pbrMetallicRoughness": pbr})
-    if material.double_sided:
-        data["doubleSided"] = True
-    return put_extras(data | _emission(material.emission), material.extras, own, f"material {material.name!r}")
-
-
-def _emission(emission: Color) -> Json:
-    """emissiveFactor in [0, 1] times a strength that is a power of two: their product is exact in floating point."""
-    peak = max(emission)
-    if peak == 0:
-        return {}
-    strength = 2.0 ** math.ceil(math.log2(peak)) if peak > 1 else 1.0
-    data: Json = {"emissiveFactor": [c / strength for c in emission]}
-    if strength > 1:
-        data["extensions"] = {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}
-    return data
-
-
 def _textures(textures: tuple[Texture, ...], binary: Binary) -> Json:
     if not textures:
         return {}
@@ -237,38 +175,8 @@ def _textures(textures: tuple[Texture, ...], binary: Binary) -> Json:
         Image.fromarray(texture.pixels).save(file, "PNG")
         images.append({"bufferView": binary.view(file.getvalue()), "mimeType": "image/png"})
         samplers.append({"wrapS": WRAPS[texture.wrap[0]], "wrapT": WRAPS[texture.wrap[1]]})
-        items.append(_named(texture.name, {"source": index, "sampler": index}))
+        items.append(named(texture.name, {"source": index, "sampler": index}))
     return {"images": images, "samplers": samplers, "textures": items}
-
-
-def _camera(camera: Camera, radius: float) -> Json:
-    # glTF asks for a near plane; nothing in it is nearer than this share of the scene's size
-    data = _named(camera.name, {"type": "perspective", "perspective": {"yfov": camera.yfov, "znear": radius * NEAR}})
-    return put_extras(data, camera.extras, None, f"camera {camera.name!r}")
-
-
-def _light(light: Light) -> Json:
-    data = _named(light.name, {"color": light.color, "intensity": light.intensity})
-    own: Json | None = None
-    if isinstance(light, DiscLight | SphereLight):
-        # from afar both shine like their area seen face on; the disc falls off with a cosine, which a wide spot comes nearest to
-        own = {"type": "sphere", "radiance": light.intensity, "color": light.color, "radius": light.radius}
-        data |= {"type": "point", "intensity": area_intensity(light), "color": [min(c, 1.0) for c in light.color]}
-        if isinstance(light, DiscLight):
-            own["type"] = "disc"
-            data |= {"type": "spot", "spot": {"innerConeAngle": 0.0, "outerConeAngle": math.pi / 2}}
-    elif isinstance(light, SpotLight):
-        if not 0 <= light.inner_angle < light.outer_angle <= math.pi / 2 + 1e-6:
-            raise SceneError(f"light {light.name!r}: angles must satisfy 0 <= inner < outer <= pi/2")
-        data |= {"type": "spot", "spot": {"innerConeAngle": light.inner_angle, "outerConeAngle": light.outer_angle}}
-    else:
-        data["type"] = "directional" if isinstance(light, DirectionalLight) else "point"
-    return put_extras(data, light.extras, own, f"light {light.name!r}")
-
-
-def area_intensity(light: DiscLight | SphereLight) -> float:
-    """Intensity in W/sr, seen face on: radiance × π·radius²."""
-    return light.intensity * math.pi * light.radius**2
 
 
 def _nodes(scene: Scene, meshes: dict[tuple[int, ...], int]) -> list[Json]:
@@ -280,7 +188,7 @@ def _nodes(scene: Scene, meshes: dict[tuple[int, ...], int]) -> list[Json]:
 
 
 def _node(node: Node, children: list[int], meshes: dict[tuple[int, ...], int]) -> Json:
-    data = _named(node.name, {"children": children} if children else {})
+    data = named(node.name, {"children": children} if children else {})
     if node.matrix is not None:
         data["matrix"] = node.matrix
     else:
@@ -323,15 +231,14 @@ def _sampler(scene: Scene, channel: Channel, binary: Binary) -> Json:
     """float32 keys as glTF has them; the exact ones beside them where float32 can't hold them or they mean another quantity."""
     times, values = channel.times, channel.values
     light = scene.lights[channel.index] if channel.target == "light" else None
-    area = isinstance(light, DiscLight | SphereLight) and channel.path == "intensity"
-    factor = math.pi * light.radius**2 if area and isinstance(light, DiscLight | SphereLight) else 1.0
-    stored = (values * factor).astype("<f4").reshape(-1, values.shape[-1])
+    area = face_on_area(light) if channel.path == "intensity" and isinstance(light, DiscLight | SphereLight) else None
+    stored = (values * (1.0 if area is None else area)).astype("<f4").reshape(-1, values.shape[-1])
     data = {
         "input": binary.accessor(times.astype("<f4"), bounds=True),
         "output": binary.accessor(stored),
         "interpolation": channel.interpolation,
     }
-    exact = not area and np.array_equal(times.astype("<f4"), times) and np.array_equal(values.astype("<f4"), values)
+    exact = area is None and np.array_equal(times.astype("<f4"), times) and np.array_equal(values.astype("<f4"), values)
     if exact:
         return data
     return put_extras(data, "", {"times": binary.raw(times, "float64"), "values": binary.raw(values, "float64")})
