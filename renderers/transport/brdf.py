@@ -1,6 +1,6 @@
 """BRDFs: one formula each, used by numpy (float64 arrays) and by numba kernels (scalars) alike.
 
-n unit shading normal, l to the light, v to the viewer, all in the hemisphere of n (n·l > 0, n·v > 0, else f = 0); h their half vector.
+n unit shading normal, l to the light, v to the viewer, both above the horizon (n·l > 0, n·v > 0, else f = 0); h their half vector.
 
     Lambert   ρ/π
     Phong     ρ_d/π + ρ_s (n+2)/(2π) max(0, r·v)ⁿ, r the mirror of l about n              Lafortune & Willems 1994
@@ -16,13 +16,13 @@ the furnace figures are in the tests.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.scene.world import GGX_KIND, LAMBERT, PHONG, MaterialTable
+from renderers.scene.world import GGX_KIND, PHONG, MaterialTable
 
 F64 = NDArray[np.float64]
 
@@ -39,28 +39,41 @@ class Materials(NamedTuple):
 
     def rows(self, index: NDArray[np.intp] | slice) -> Materials:
         """The selected points."""
-        return Materials(*(column[index] for column in self))
+        return Materials(
+            self.kind[index],
+            self.base[index],
+            self.specular[index],
+            self.exponent[index],
+            self.metallic[index],
+            self.alpha[index],
+        )
 
 
 def materials_at(table: MaterialTable, material: NDArray[np.int32], base: NDArray[np.floating]) -> Materials:
     """Parameters of points with material rows (N,) and textured base colours (N, 3)."""
-    wide = (c[material].astype(np.float64) for c in (table.specular, table.exponent, table.metallic, table.alpha))
-    return Materials(table.kind[material], base.astype(np.float64), *wide)
+    return Materials(
+        kind=table.kind[material],
+        base=base.astype(np.float64),
+        specular=table.specular[material].astype(np.float64),
+        exponent=table.exponent[material].astype(np.float64),
+        metallic=table.metallic[material].astype(np.float64),
+        alpha=table.alpha[material].astype(np.float64),
+    )
 
 
-def phong_lobe(exponent, rv):  # type: ignore[no-untyped-def]
+def phong_lobe(exponent: Any, rv: Any) -> Any:
     """(n+2)/(2π) max(0, r·v)ⁿ."""
     return (exponent + 2) / (2 * np.pi) * np.maximum(0.0, rv) ** exponent
 
 
-def ggx_lobe(alpha, nl, nv, nh, sin2):  # type: ignore[no-untyped-def]
+def ggx_lobe(alpha: Any, nl: Any, nv: Any, nh: Any, sin2: Any) -> Any:
     """D·Vis; sin2 = |n×h|²."""
     a2 = alpha * alpha
     d = a2 / (np.pi * (nh * nh * a2 + sin2) ** 2)
     return d * 0.5 / (nl * np.sqrt(nv * nv * (1 - a2) + a2) + nv * np.sqrt(nl * nl * (1 - a2) + a2))
 
 
-def schlick(vh):  # type: ignore[no-untyped-def]
+def schlick(vh: Any) -> Any:
     """(1 - |v·h|)⁵."""
     m = 1 - np.minimum(np.abs(vh), 1.0)
     return m * m * m * m * m
@@ -102,7 +115,7 @@ def ggx_colors(m: Materials) -> tuple[F64, F64]:
 
 
 def mean_albedo(m: Materials) -> F64:
-    """Share of uniform (cosine-distributed) incident light that is reflected, float64 (N, 3): the diffuse stand-in for a glossy source."""
+    """Reflected share of uniform incident light, float64 (N, 3): the albedo of the diffuse stand-in for a glossy source."""
     albedo = m.base.copy()
     for exponent in np.unique(m.exponent[m.kind == PHONG]):
         rows = np.flatnonzero((m.kind == PHONG) & (m.exponent == exponent))
@@ -147,7 +160,7 @@ def ggx_albedo(alpha: float) -> tuple[float, float, float]:
 
 
 def _bihemispherical(m: Materials) -> float:
-    """∬ f cos cos / π by importance-sampled quadrature: a fixed lattice over incidence (16) and over the sampled outgoing direction."""
+    """∬ f cos cos / π by importance-sampled quadrature: 16 angles of incidence × a fixed lattice of sampled directions."""
     from renderers.transport.lobes import sample_brdf, sampling_pdf
     from renderers.transport.sampling import lattice
 
@@ -168,23 +181,3 @@ def _bihemispherical(m: Materials) -> float:
 
 def _dot(a: F64, b: F64) -> F64:
     return np.asarray(np.einsum("ij,ij->i", a, b))
-
-
-__all__ = [
-    "GGX_KIND",
-    "LAMBERT",
-    "PHONG",
-    "Materials",
-    "evaluate",
-    "ggx_albedo",
-    "ggx_colors",
-    "ggx_lobe",
-    "ggx_lobe_scalar",
-    "materials_at",
-    "mean_albedo",
-    "phong_albedo",
-    "phong_lobe",
-    "phong_lobe_scalar",
-    "schlick",
-    "schlick_scalar",
-]

@@ -1,7 +1,7 @@
 """Direct light with exact, ray-cast visibility at pixels and at any other surface points.
 
-Matches Mitsuba's `path` with max_depth=2 without the emission seen directly: punctual lights, emissive triangles (their front, or both
-sides with `emits_both`), constant and lat-long environments.
+Matches Mitsuba's `path` with max_depth=2 less the emission seen directly: punctual lights, emissive triangles (their front, or
+both sides with `emits_both`), constant and lat-long environments.
 """
 
 from __future__ import annotations

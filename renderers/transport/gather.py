@@ -25,7 +25,7 @@ PIXELS, LIGHTS = 2048, 64
 
 
 class Pixels(NamedTuple):
-    """Covered pixels as flat arrays: position, normal, geometric float32 (P, 3), view float64 (P, 3), materials; rows int64 (P,)."""
+    """Covered pixels, flat: position, normal, geometric float32 (P, 3); view float64 (P, 3), unit; materials; rows int64 (P,)."""
 
     position: F32
     normal: F32
@@ -36,8 +36,14 @@ class Pixels(NamedTuple):
 
     def only(self, index: NDArray[np.intp] | slice) -> Pixels:
         """The selected pixels, arrays contiguous."""
-        columns = (self.position, self.normal, self.geometric, self.view)
-        return Pixels(*(np.ascontiguousarray(c[index]) for c in columns), self.materials.rows(index), self.rows[index])
+        return Pixels(
+            np.ascontiguousarray(self.position[index]),
+            np.ascontiguousarray(self.normal[index]),
+            np.ascontiguousarray(self.geometric[index]),
+            np.ascontiguousarray(self.view[index]),
+            self.materials.rows(index),
+            self.rows[index],
+        )
 
 
 def gather(
@@ -50,10 +56,10 @@ def gather(
     caster: RayCaster | None = None,
     counters: Counter[str] | None = None,
 ) -> F32:
-    """Light of L VPLs (positions, unit normals, intensities: float32 (L, 3)) at every pixel, float32 (H, W, 3); 0 on the background.
+    """Light of L VPLs at every pixel, float32 (H, W, 3), 0 on the background. The same bytes at any thread count.
 
-    eps_b ≥ 0: clamp on the squared distance, World units². With a caster every facing pair is tested for occlusion (exact), without one
-    none is. counters: `light_evaluations` (pixels × lights) and `rays` are added to. The same bytes at any thread count.
+    positions, normals (unit), intensities: float32 (L, 3). eps_b ≥ 0: clamp on the squared distance, World units². With a caster each
+    facing pair is tested for occlusion (exact), without one none is. counters: adds `light_evaluations` (pixels × lights), `rays`.
     """
     pixels = pixels_of(gbuffer, world)
     lights = np.ascontiguousarray(np.concatenate([positions, normals, intensities], axis=1).T, np.float32)

@@ -1,9 +1,9 @@
 """Light samples: for each receiver, directions towards the lights with the light they would bring unshadowed.
 
-Every Incident is one sample of one light for all receivers of a chunk. Summed over all of them, Σ f(l, v) max(0, n·l) · weight · V is an
-unbiased estimate of reflected direct light; with f = 1 it is irradiance. Punctual lights need one sample and have no noise. Emissive
-triangles and the environment take `samples` points of a Sobol' set, rotated per receiver by a random shift (Cranley & Patterson 1976):
-stratified over the emitters, independent between receivers.
+Every Incident is one sample of one light for all receivers of a chunk. Summed over all of them, Σ f(l, v) max(0, n·l) · weight · V
+is an unbiased estimate of reflected direct light; with f = 1 it is irradiance. Punctual lights need one sample and have no noise.
+Emissive triangles and the environment take `samples` points of a Sobol' set each, rotated per receiver by a random shift (Cranley &
+Patterson 1976): stratified over the emitters, independent between receivers.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Incident(NamedTuple):
 
 
 class Lights:
-    """All lights of a World, ready to be sampled; built once a render. `samples`: per receiver, of all area lights together and of the sky."""
+    """All lights of a World, ready to be sampled. `samples` per receiver: of all area lights together, and as many of the sky."""
 
     def __init__(self, world: World, samples: int) -> None:
         self._world = world
@@ -40,7 +40,7 @@ class Lights:
         self.stochastic = bool(len(world.emissive)) or world.environment is not None
 
     def incident(self, position: F64, normal: F64, shifts: F64) -> Iterator[Incident]:
-        """Samples for receivers at position (N, 3) with shading normals (N, 3); shifts (N, 6) in [0, 1) (unused by punctual lights)."""
+        """Samples for receivers at position (N, 3) with shading normals (N, 3); shifts (N, 6) in [0, 1) move the Sobol' sets."""
         for light in self._world.lights:
             yield punctual(light, position)
         if len(self._world.emissive):

@@ -1,8 +1,8 @@
 """numba kernels of the VPL gather. Lights are rows of one float32 array (9, L): x, y, z, normal, intensity (structure of arrays).
 
 Each pixel adds up its lights in one fixed order (blocks of BLOCK lights, float32 inside a block, float64 across blocks), and only
-pixels are spread over threads: the same bytes at any thread count. `fastmath` lets the compiler add a block in vector lanes; that order
-is fixed by the compiled code, so bytes may differ between CPUs but not between runs.
+pixels are spread over threads: the same bytes at any thread count. `fastmath` lets the compiler add a block in vector lanes; that
+order is fixed by the compiled code, so bytes may differ between kinds of CPU but not between runs.
 
 One pair:  G_b = max(0, n_x·v) max(0, -n_y·v) / (r² max(ε_b, r²)),  v = y - x,  r² = v·v  (the two cosines still unnormalised).
 Pairs closer than SAFE_R2 (1e-9 of the world's size, under float32's resolution of a coordinate) give 0.
@@ -123,8 +123,8 @@ def gather_general(position, normal, view, kind, base, specular, exponent, metal
 def facing_pairs(position, normal, geometric, lights, first, last, offset, pairs, origins, directions):  # type: ignore[no-untyped-def]
     """Fill pairs (pixel, light) with G_b > 0 and their shadow rays; returns how many.
 
-    Rays start `offset` off the receiver and end `offset` off the light, both along geometric normals; the direction is unnormalised,
-    so distance 1 is the light. Order: light by light, pixels in order.
+    Rays start `offset` off the receiver and end `offset` off the light, both along geometric normals; directions are unnormalised:
+    distance 1 is the light. Order: light by light, pixels in order.
     """
     count = 0
     for j in range(first, last):

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.transport.brdf import GGX_KIND, LAMBERT, PHONG, Materials
+from renderers.scene.world import GGX_KIND, LAMBERT, PHONG
+from renderers.transport.brdf import Materials
 from renderers.transport.sampling import cosine_hemisphere, frame
 
 F64 = NDArray[np.float64]
@@ -65,15 +66,12 @@ def _ggx_sample(alpha: F64, n: F64, view: F64, random: F64) -> F64:
     s, t = frame(n)
     local = np.stack([alpha * _dot(s, view), alpha * _dot(t, view), _dot(n, view)], axis=1)
     local /= np.linalg.norm(local, axis=1, keepdims=True)
-    t1, t2 = frame(local)
     r, phi = np.sqrt(random[:, 0]), 2 * np.pi * random[:, 1]
-    # Half of the projected disc is foreshortened by the slope of the stretched view direction; `frame` is any basis about it, so the
-    # axis that carries the foreshortening is built here from the vertical.
+    # The visible half disc is foreshortened along t2, so t1 must be horizontal; any horizontal axis does for a vertical view.
     flat = np.hypot(local[:, 0], local[:, 1])
-    safe = np.maximum(flat, 1e-12)
-    upright = flat > 1e-12
-    t1 = np.where(upright[:, None], np.stack([-local[:, 1], local[:, 0], 0 * flat], axis=1) / safe[:, None], t1)
-    t2 = np.where(upright[:, None], np.cross(local, t1), t2)
+    level = np.stack([-local[:, 1], local[:, 0], 0 * flat], axis=1) / np.maximum(flat, 1e-12)[:, None]
+    t1 = np.where((flat > 1e-12)[:, None], level, [1.0, 0.0, 0.0])
+    t2 = np.cross(local, t1)
     p1, p2 = r * np.cos(phi), r * np.sin(phi)
     mix = 0.5 * (1 + local[:, 2])
     p2 = (1 - mix) * np.sqrt(np.maximum(0, 1 - p1 * p1)) + mix * p2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from renderers.gbuffer import GBuffer
@@ -22,7 +24,7 @@ def cast_gbuffer(world: World, size: tuple[int, int], offset: tuple[float, float
     emits = front | world.materials.emits_both[surface.material]
     emission = np.where(emits[:, None], world.materials.emission[surface.material], 0)
 
-    def image(values: np.ndarray, fill: int, dtype: type, *channels: int) -> np.ndarray:  # type: ignore[type-arg]
+    def image(values: Any, fill: int, dtype: Any, *channels: int) -> Any:
         flat = np.full((height * width, *channels), fill, dtype)
         flat[seen] = values
         return flat.reshape(height, width, *channels)

@@ -1,8 +1,8 @@
 """Ray casting through Embree: closest hits and shadow segments in a World.
 
-Rays that start or end on a surface are moved off it along the geometric normal, to the side they leave to, by `OFFSET` times the size
-of the world (1): the same rule, and nearly the same length, as Mitsuba's. embreex answers in one thread but releases the GIL, so
-chunks of rays run in a thread pool (measured: two threads cast 2.1 times as many rays per second as one). A ray's answer depends on
+Rays that start or end on a surface are moved off it along the geometric normal, to the side they leave to, by `OFFSET` times the
+size of the world (1): the same rule, and nearly the same length, as Mitsuba's. embreex answers in one thread but releases the GIL,
+so chunks of rays run in a thread pool (measured: two threads cast twice as many rays per second as one). A ray's answer depends on
 that ray alone, hence not on the number of threads.
 """
 

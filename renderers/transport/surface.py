@@ -29,7 +29,8 @@ class Surface(NamedTuple):
 def surface_at(world: World, triangle: ArrayLike, u: ArrayLike, v: ArrayLike) -> Surface:
     """Interpolated surface at barycentrics (u of the second vertex, v of the third); triangle int (N,), u and v (N,)."""
     index = np.asarray(triangle, np.int64)
-    weights = np.stack([1.0 - np.asarray(u, np.float64) - v, np.asarray(u, np.float64), np.asarray(v, np.float64)], axis=-1)
+    second, third = np.asarray(u, np.float64), np.asarray(v, np.float64)
+    weights = np.stack([1.0 - second - third, second, third], axis=-1)
     corners = world.triangles[index]
 
     def mixed(attribute: NDArray[np.float32]) -> F64:
@@ -39,7 +40,9 @@ def surface_at(world: World, triangle: ArrayLike, u: ArrayLike, v: ArrayLike) ->
     geometric = world.face_normals[index]
     normal = mixed(world.normals)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    normal = np.where(length > 1e-6, normal / np.maximum(length, 1e-6), geometric)  # opposite vertex normals cancel: flat shading there
+    normal = np.where(
+        length > 1e-6, normal / np.maximum(length, 1e-6), geometric
+    )  # opposite vertex normals cancel: flat shading there
     return Surface(mixed(world.positions), normal, geometric, base_color(world, material, mixed(world.uvs)), material)
 
 
@@ -54,7 +57,7 @@ def base_color(world: World, material: NDArray[np.int32], uv: F64) -> F64:
 
 
 def look_up(texture: Texture, uv: F64) -> F64:
-    """Bilinear look-up in linear colour, float64 (N, 3). uv (N, 2): v = 0 is the upper edge of row 0; texel centres at half-integers."""
+    """Bilinear look-up in linear colour, float64 (N, 3). uv (N, 2): v = 0 is the upper edge of row 0, texel centres are at ½."""
     height, width = texture.pixels.shape[:2]
     columns, x = _neighbours(uv[:, 0], width, texture.wrap[0])
     rows, y = _neighbours(uv[:, 1], height, texture.wrap[1])
@@ -81,6 +84,6 @@ def _wrapped(index: NDArray[np.int64], size: int, wrap: str) -> NDArray[np.int64
     if wrap == "clamp":
         return np.clip(index, 0, size - 1)
     if wrap == "repeat":
-        return np.mod(index, size)
+        return np.asarray(np.mod(index, size))
     folded = np.mod(index, 2 * size)
-    return np.minimum(folded, 2 * size - 1 - folded)
+    return np.asarray(np.minimum(folded, 2 * size - 1 - folded))

@@ -14,7 +14,7 @@ R = TypeVar("R")
 
 def thread_count() -> int:
     """Threads used by ray casting and numba kernels alike: NUMBA_NUM_THREADS, by default the cores of the machine."""
-    return int(numba.config.NUMBA_NUM_THREADS)
+    return int(numba.get_num_threads())
 
 
 def chunks(count: int, size: int) -> list[slice]:

@@ -2,9 +2,9 @@
 
     I = ρ/π · E · |S| / N        E direct irradiance, shadowed; density of the points 1/|S|
 
-Surfaces are two-sided, so a point may become two VPLs, one a lit side; each emits as a Lambertian into the hemisphere of the geometric
-normal of its side, and receives with the shading normal turned to that side. Glossy surfaces re-emit as diffuse ones of their mean
-albedo. Emission is direct light and makes no VPL.
+Surfaces are two-sided, so a point may become two VPLs, one for each lit side; each emits as a Lambertian into the hemisphere of the
+geometric normal of its side, and receives with the shading normal turned to that side. Glossy surfaces re-emit as diffuse ones of
+their mean albedo. Emission is direct light and makes no VPL.
 """
 
 from __future__ import annotations
