@@ -80,7 +80,7 @@ class PathTracing(Method):
     def _render(self, scene: Scene, settings: PathTracingSettings, context: Context) -> Frame:
         if settings.seconds is not None:
             raise ValueError("pt: `seconds` must become `spp` first (pt.plan): a render is a pure function of its settings")
-        from renderers.reference.render import is_lit
+        from renderers.reference.replicates import is_lit
 
         width, height = context.size
         world = scene.world(context.frame)
