@@ -1,11 +1,11 @@
 """Path tracing with Mitsuba 3: the yardstick that every method's speed against error is read from.
 
-Unidirectional path tracing with light sampling and BRDF sampling combined by multiple importance sampling (Veach 1997), Russian roulette from
-depth 5. The image is the mean of `spp` paths a pixel; its error falls with 1/√spp, so "as good as `pt` in the same time" is a plain sentence.
+Unidirectional path tracing, light and BRDF sampling combined by multiple importance sampling (Veach 1997), Russian roulette from depth 5.
+The image is the mean of `spp` paths a pixel; its error falls with 1/√spp, so "as good as `pt` in the same time" is a plain sentence.
 
     L = (1/spp) Σ_k  Le + Σ_bounces throughput · (w_light f cos L_light / p_light  +  w_brdf f cos L_hit / p_brdf)
 
-Passes: export (Scene to Mitsuba, acceleration structure), warm-up (kernel compilation, one pixel), paths.
+Passes: export (Scene to Mitsuba, acceleration structure), warm-up (kernel compilation, no paths), paths.
 
 | setting | default | what it does |
 | --- | --- | --- |
@@ -80,15 +80,12 @@ class PathTracing(Method):
     def _render(self, scene: Scene, settings: PathTracingSettings, context: Context) -> Frame:
         if settings.seconds is not None:
             raise ValueError("pt: `seconds` must become `spp` first (pt.plan): a render is a pure function of its settings")
-        from renderers.reference.render import is_lit
+        from renderers.reference.replicates import is_lit
 
         width, height = context.size
         world = scene.world(context.frame)
-        if is_lit(world, settings.transport):
-            image = _traced(world, settings, context)
-        else:
-            image = np.zeros((height, width, 3))
-        beauty = image.astype(np.float32)
+        lit = is_lit(world, settings.transport)
+        beauty = _traced(world, settings, context) if lit else np.zeros((height, width, 3), np.float32)
         layers = {"beauty": beauty}
         if settings.transport == "direct":
             layers |= {"direct": beauty, "indirect": np.zeros_like(beauty)}
@@ -98,8 +95,8 @@ class PathTracing(Method):
         )
 
 
-def _traced(world: Any, settings: PathTracingSettings, context: Context) -> NDArray[np.float64]:
-    """Mean radiance, float64 (H, W, 3)."""
+def _traced(world: Any, settings: PathTracingSettings, context: Context) -> NDArray[np.float32]:
+    """Mean radiance, float32 (H, W, 3)."""
     from renderers.reference.export import mitsuba_scene
     from renderers.reference.sampling import grid_sizes, mean_image, method_stream
     from renderers.reference.transports import estimator
@@ -112,12 +109,12 @@ def _traced(world: Any, settings: PathTracingSettings, context: Context) -> NDAr
     points = _points(settings.subpixels, settings.pixel)
     with watch("warm-up", "prepare"):
         for part in sorted(set(parts)):
-            mean_image(scene, estimate, (2, 1), part, method_stream(context.seed, 0), points[0])
+            mean_image(scene, estimate, context.size, part, method_stream(context.seed, 0), points[0], active=False)
     total = np.zeros((context.size[1], context.size[0], 3))
     with watch("paths"):
         for number, (point, part) in enumerate((point, part) for point in points for part in parts):
             total += mean_image(scene, estimate, context.size, part, method_stream(context.seed, number), point) * part
-    return total / (settings.spp * len(points))
+    return (total / (settings.spp * len(points))).astype(np.float32)
 
 
 def _points(k: int, pixel: str) -> list[tuple[float, float] | None]:

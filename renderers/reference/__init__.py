@@ -5,6 +5,6 @@ reference.image, reference.variance, reference.noise, reference.interval()
 """
 
 from renderers.reference.image import PixelMode, Reference, exposure
-from renderers.reference.render import render
+from renderers.reference.replicates import render
 
 __all__ = ["PixelMode", "Reference", "exposure", "render"]

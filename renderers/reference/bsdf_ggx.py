@@ -27,7 +27,7 @@ class GGX(mi.BSDF):  # type: ignore[misc, name-defined]
 
     def __init__(self, props: Any) -> None:
         mi.BSDF.__init__(self, props)
-        self.base = props["base"]
+        self.base = props.get_texture("base")
         self.metallic = mi.Float(props["metallic"])
         self.alpha = mi.Float(props["alpha"])
         flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide

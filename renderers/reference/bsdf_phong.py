@@ -19,7 +19,7 @@ class Phong(mi.BSDF):  # type: ignore[misc, name-defined]
 
     def __init__(self, props: Any) -> None:
         mi.BSDF.__init__(self, props)
-        self.diffuse = props["diffuse"]
+        self.diffuse = props.get_texture("diffuse")
         self.specular = mi.Color3f(*[props[f"specular_{c}"] for c in "rgb"])
         self.exponent = mi.Float(props["exponent"])
         self.split = mi.Float(props["split"])

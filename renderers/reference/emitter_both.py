@@ -17,7 +17,7 @@ class BothSides(mi.Emitter):  # type: ignore[misc, name-defined]
     def __init__(self, props: Any) -> None:
         mi.Emitter.__init__(self, props)
         self.radiance = mi.Color3f(*[props[f"radiance_{c}"] for c in "rgb"])
-        self.m_flags = mi.UInt32(+mi.EmitterFlags.Surface)
+        self.m_flags = +mi.EmitterFlags.Surface
 
     def eval(self, si: Any, active: Any = True) -> Any:
         """Radiance, from either side."""

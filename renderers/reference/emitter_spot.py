@@ -26,7 +26,7 @@ class Spot(mi.Emitter):  # type: ignore[misc, name-defined]
         self.intensity = mi.Color3f(*[props[f"intensity_{c}"] for c in "rgb"])
         self.cos_outer = mi.Float(props["cos_outer"])
         self.width = mi.Float(max(props["cos_inner"] - props["cos_outer"], LEAST_WIDTH))
-        self.m_flags = mi.UInt32(+mi.EmitterFlags.DeltaPosition)
+        self.m_flags = +mi.EmitterFlags.DeltaPosition
 
     def sample_direction(self, it: Any, sample: Any, active: Any = True) -> tuple[Any, Any]:
         """The one direction to the light, and intensity × falloff / distance²."""

@@ -1,8 +1,8 @@
-"""Paths through chosen points of pixels: wavefronts of `spp` samples a pixel, box-filtered or all from one point, summed in float64.
+"""Paths through chosen points of pixels: `spp` samples a pixel, box-filtered or all from one point, summed in float64.
 
-Streams: the sampler is Mitsuba's `multijitter` (never `ldsampler`: its mean is off by up to 0.75 %, which replicates can't see). Bits of
-its seed: 31 = 0 for references, 1 for the method `pt`, so that a picture and its truth never share paths; for references, 30..16 are the band of
-pixel rows and 15..0 the replicate number (an image small enough for one band is seeded with the replicate number itself).
+Streams: the sampler is Mitsuba's `multijitter` (never `ldsampler`: its mean is off by up to 0.75 %, which replicates can't see).
+Bits of its seed: 31 = 0 for references, 1 for the method `pt`, so that a picture and its truth never share paths. For references,
+30..16 are the band of pixel rows and 15..0 the replicate number (an image of one band is seeded with the replicate number itself).
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from renderers.reference.variant import mitsuba
 
 mi = mitsuba()
 F64 = NDArray[np.float64]
-# radiance(scene, sampler, ray) of one wavefront: Color3f
-Estimator = Callable[[Any, Any, Any], Any]
+Point = tuple[float, float]
+# radiance(scene, sampler, ray, active) of one wavefront: Color3f
+Estimator = Callable[[Any, Any, Any, Any], Any]
 # Lanes of one wavefront: bounds memory (about 100 bytes a lane) and never depends on the machine, since it decides the seeds.
 LANES = 1 << 22
 CENTRE = (0.5, 0.5)
@@ -33,19 +34,28 @@ def mean_image(
     size: tuple[int, int],
     spp: int,
     stream: Callable[[int], int],
-    point: tuple[float, float] | None,
+    point: Point | None,
+    *,
+    active: bool = True,
 ) -> F64:
     """Mean radiance of `spp` paths a pixel, float64 (H, W, 3), row 0 on top.
 
     point: where in the pixel every path starts, (0.5, 0.5) the centre; None spreads them over the pixel (box filter).
-    stream: seed of a band of rows. Raises FloatingPointError when a path returns a number that is not finite.
+    stream: seed of a band of rows. active=False compiles the very same kernels and traces nothing: the warm-up.
+    Raises FloatingPointError when a path returns a number that is not finite.
     """
     width, height = size
-    rows = max(1, LANES // (width * spp))
-    bands = [
-        _band(scene, estimate, size, spp, stream(k), point, top, min(rows, height - top))
-        for k, top in enumerate(range(0, height, rows))
-    ]
+    most = max(1, LANES // (width * spp))
+    bands = []
+    for band, top in enumerate(range(0, height, most)):
+        rows = min(most, height - top)
+        sampler, ray = _wavefront(scene, size, spp, stream(band), point, top, rows)
+        radiance = np.asarray(estimate(scene, sampler, ray, dr.opaque(mi.Bool, active)), dtype=np.float32)
+        bad = int(np.count_nonzero(~np.isfinite(radiance)))
+        if bad:
+            raise FloatingPointError(f"{bad} of {radiance.size} path values are not finite")
+        means = radiance.reshape(3, width * rows, spp).sum(axis=2, dtype=np.float64) / spp
+        bands.append(means.T.reshape(rows, width, 3))
     return np.concatenate(bands)
 
 
@@ -78,16 +88,10 @@ def grid_sizes(spp: int, largest: int = 256) -> list[int]:
     return sizes
 
 
-def _band(
-    scene: Any,
-    estimate: Estimator,
-    size: tuple[int, int],
-    spp: int,
-    seed: int,
-    point: tuple[float, float] | None,
-    top: int,
-    rows: int,
-) -> F64:
+def _wavefront(
+    scene: Any, size: tuple[int, int], spp: int, seed: int, point: Point | None, top: int, rows: int
+) -> tuple[Any, Any]:
+    """Sampler and camera rays of pixel rows top … top + rows: lane = (row · width + column) · spp + sample."""
     width, height = size
     lanes = width * rows * spp
     sampler = mi.load_dict({"type": "multijitter", "sample_count": spp})
@@ -100,9 +104,4 @@ def _band(
     corner = mi.Point2f(pixel - row * columns, row + first)
     inside = sampler.next_2d() if point is None else mi.Point2f(*(dr.opaque(mi.Float, x) for x in point))
     ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, (corner + inside) / mi.Point2f(columns, lines), mi.Point2f(0.5))
-    radiance = np.asarray(estimate(scene, sampler, mi.Ray3f(ray)), dtype=np.float32)
-    bad = int(np.count_nonzero(~np.isfinite(radiance)))
-    if bad:
-        raise FloatingPointError(f"{bad} of {radiance.size} path values are not finite")
-    sums = radiance.reshape(3, width * rows, spp).sum(axis=2, dtype=np.float64) / spp
-    return np.ascontiguousarray(sums.T.reshape(rows, width, 3))
+    return sampler, mi.Ray3f(ray)

@@ -52,7 +52,7 @@ def key_of(parts: dict[str, str]) -> str:
 def load(folder: Path, parts: dict[str, str]) -> Reference | None:
     """The stored reference of this identity, or None. A damaged file counts as none: it is rendered and written anew."""
     try:
-        with np.load(folder / f"{key_of(parts)}.npz", allow_pickle=False) as file:
+        with open(folder / f"{key_of(parts)}.npz", "rb") as stream, np.load(stream, allow_pickle=False) as file:
             sums = {name: file[name] for name in SUMS}
             n = int(file["n"])
             stored = json.loads(str(file["identity"]))

@@ -1,4 +1,4 @@
-"""Render a reference: replicates of `spp` samples a pixel, seed = replicate number, added until the asked noise or a stated cap."""
+"""Render references: replicates of `spp` samples a pixel, seed = replicate number, added until the asked noise or a stated cap."""
 
 from __future__ import annotations
 
