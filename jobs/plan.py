@@ -53,6 +53,7 @@ class Plan:
 
 def plan(request: EvaluationRequest) -> Plan:
     """Expand scenes × methods × settings × seeds × frames. Raises RequestError, SceneError or UnknownMethod in one line."""
+    request = normalised(request)
     variants = [variant for wanted in request.methods for variant in expand(wanted)]
     labels = [v.label for v in variants]
     twice = sorted({label for label in labels if labels.count(label) > 1})
@@ -79,6 +80,19 @@ def expand(wanted: MethodRequest) -> Iterator[Variant]:
         full = dump(settings)
         label = " ".join([method.name, *(f"{key}={full[key]}" for key in chosen)])
         yield Variant(method, full, label, method.transport(settings), wants_pilot(method, settings))
+
+
+def normalised(request: EvaluationRequest) -> EvaluationRequest:
+    """The same request with every setting as its model reads it ("64" becomes 64), so that equal requests have equal ids."""
+    methods = []
+    for wanted in request.methods:
+        method = get_method(wanted.name)
+        full = dump(validate(method, wanted.settings))
+        sweep = {
+            key: [dump(validate(method, wanted.settings | {key: v}))[key] for v in values] for key, values in wanted.sweep.items()
+        }
+        methods.append(wanted.model_copy(update={"settings": {key: full[key] for key in wanted.settings}, "sweep": sweep}))
+    return request.model_copy(update={"methods": methods})
 
 
 def evaluation_id(request: EvaluationRequest) -> str:

@@ -51,7 +51,7 @@ def limits(field: Mapping[str, Any]) -> str:
     if "anyOf" in field:
         return " or ".join(limits(option) for option in field["anyOf"])
     kind = {"null": "none"}.get(field.get("type", ""), field.get("type", ""))
-    bounds = ", ".join(text.format(f"{field[key]:g}") for key, text in LIMITS.items() if key in field)
+    bounds = ", ".join(text.format(field[key]) for key, text in LIMITS.items() if key in field)
     return f"{kind} {bounds}".strip()
 
 

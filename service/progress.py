@@ -19,7 +19,7 @@ from service.output import console
 def task_progress(title: str, quiet: bool) -> Iterator[Callable[[dict[str, Any]], None]]:
     """A spinner for one task; the callback takes what its child tells."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TextColumn("{task.fields[detail]}"))
-    with Progress(*columns, console=console, transient=True, disable=quiet) as bars:
+    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bars:
         bar = bars.add_task(title, total=None, detail="")
         yield lambda detail: bars.update(bar, detail=describe(detail))
 
@@ -33,7 +33,7 @@ def evaluation_progress(plan: Plan, quiet: bool) -> Iterator[Callable[[Event], N
     )  # fmt: skip
     running: dict[str, str] = {}
     lock = threading.Lock()
-    with Progress(*columns, console=console, transient=True, disable=quiet) as bars:
+    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bars:
         bar = bars.add_task("", total=len(graph(plan)), detail="")
 
         def notify(event: Event) -> None:
