@@ -15,9 +15,9 @@ GREY = (0.6, 0.6, 0.6)
 def parallel_plates(light: str = "directional", side: float = 1.0, distance: float = 1.0, albedo: float = 0.5) -> Scene:
     """Two opposed squares without contact; the lower one receives from the upper one exactly what a formula says.
 
-    light area: the upper plate is black and emits radiance 1. light directional: a slanted beam from below passes beside the lower plate
-    and lights the whole underside of the upper one with irradiance π, so that it reflects the uniform radiance `albedo`; the lower
-    plate's upper side gets no direct light. In both cases E(p) on the lower plate is
+    light area: the upper plate is black and emits radiance 1. light directional: a slanted beam from below passes beside the
+    lower plate and lights the whole underside of the upper one with irradiance π, so that it reflects the uniform radiance
+    `albedo`; the lower plate's upper side gets no direct light. In both cases E(p) on the lower plate is
     `exact.parallel_plates_irradiance(p, side, distance, L)`, L = 1 or albedo, its mean π·L·`exact.parallel_plates_form_factor(side,
     distance)`, its radiance albedo / π · E: direct light (area), exactly one bounce (directional).
     """
@@ -37,7 +37,9 @@ def parallel_plates(light: str = "directional", side: float = 1.0, distance: flo
     return b.build(light=light, side=side, distance=distance, albedo=albedo)
 
 
-@checked(width=(0.01, 100.0), depth=(0.01, 100.0), height=(0.01, 100.0), radiance=(0.0, 1e6), albedo=(0.0, 1.0), occluder=(0.0, 100.0))
+@checked(
+    width=(0.01, 100.0), depth=(0.01, 100.0), height=(0.01, 100.0), radiance=(0.0, 1e6), albedo=(0.0, 1.0), occluder=(0.0, 100.0)
+)
 def rectangle_light(
     width: float = 1.0, depth: float = 0.6, height: float = 1.0, radiance: float = 5.0, albedo: float = 0.6, occluder: float = 0.4
 ) -> Scene:
@@ -63,9 +65,10 @@ def rectangle_light(
 def corner(angle: float = 90.0, side: float = 1.0, light: str = "directional") -> Scene:
     """Two squares in contact along an edge at `angle` degrees: 1/r² is singular at the contact, and the answer is exact.
 
-    light directional: along the bisector, unshadowed, irradiance π · sin(angle / 2) on both; the reddish wall (albedo 0.8, 0.3, 0.2)
-    then has the uniform direct radiance w = albedo · sin(angle / 2), and one bounce adds to the floor (albedo 0.6) 0.6 / π ·
-    `exact.corner_irradiance(p, angle, side, w)`. light area: the wall is black and emits radiance 1; the floor gets that formula, w = 1.
+    light directional: along the bisector, unshadowed, irradiance π · sin(angle / 2) on both; the reddish wall (albedo 0.8, 0.3,
+    0.2) then has the uniform direct radiance w = albedo · sin(angle / 2), and one bounce adds to the floor (albedo 0.6) 0.6 / π ·
+    `exact.corner_irradiance(p, angle, side, w)`. light area: the wall is black and emits radiance 1; the floor gets that
+    formula, w = 1.
     """
     b = SceneBuilder("corner")
     grey = b.material(Lambert("floor", GREY))
