@@ -112,4 +112,4 @@ def _backdrop() -> Shape:
     bend = np.linspace(0, np.pi / 2, 17)
     z = np.concatenate([[4.0], -1.6 - 1.4 * np.sin(bend), [-3.0]])
     y = np.concatenate([[0.0], 1.4 - 1.4 * np.cos(bend), [4.6]])
-    return grid(np.stack([np.stack([np.full_like(z, x), y, z], axis=-1) for x in np.linspace(-9.0, 9.0, 16)], axis=1))
+    return grid(np.stack([np.stack([np.full_like(z, x), y, z], axis=-1) for x in np.linspace(9.0, -9.0, 16)], axis=1))

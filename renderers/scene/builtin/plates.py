@@ -33,7 +33,7 @@ def parallel_plates(light: str = "directional", side: float = 1.0, distance: flo
         direction = np.array([1.5 * side, distance, 0.0])
         cosine = distance / float(np.linalg.norm(direction))
         b.light(DirectionalLight("beam", intensity=np.pi / cosine), rotation=look_rotation(direction))
-    b.camera((0.6 * side, 0.66 * distance, 1.9 * side), (0, 0.52 * distance, 0), np.radians(45))
+    b.camera((0.6 * side, 0.66 * distance, 1.9 * side), (0, 0.52 * distance, 0), np.radians(47))
     return b.build(light=light, side=side, distance=distance, albedo=albedo)
 
 
@@ -82,7 +82,7 @@ def corner(angle: float = 90.0, side: float = 1.0, light: str = "directional") -
     if light == "directional":
         b.light(DirectionalLight("sun", intensity=np.pi), rotation=look_rotation(-inward))
     target = 0.3 * side * inward
-    b.camera(target + side * (2.3 * inward + np.array([0.9, 0.25, 0.1])), target, np.radians(38))
+    b.camera(target + side * (2.3 * inward + np.array([0.9, 0.25, 0.1])), target, np.radians(42))
     return b.build(angle=angle, side=side, light=light)
 
 
