@@ -33,8 +33,8 @@ def colonnade(triangles: int = 200_000, sky: bool = False) -> Scene:
     low, high = 0.05, 20.0
     for _ in range(18):
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if _assemble(middle, sky).count < triangles else (low, middle)
-    b = _assemble(high, sky)
+        low, high = (middle, high) if _assemble(middle).count < triangles else (low, middle)
+    b = _assemble(high)
     b.light(DirectionalLight("sun", (1.0, 0.93, 0.80), 18.0), rotation=look_rotation((0.32, -1.0, -0.30)))
     if sky:
         b.environment = Environment((0.35, 0.5, 0.8))
@@ -50,7 +50,7 @@ class _Atrium(SceneBuilder):
         return sum(len(self.meshes[i].triangles) for node in self.nodes for i in node.meshes)
 
 
-def _assemble(detail: float, sky: bool) -> _Atrium:
+def _assemble(detail: float) -> _Atrium:
     b = _Atrium("colonnade")
     paint = {name: b.material(Lambert(name, color)) for name, color in PAINTS.items()}
     _shell(b, paint, detail)

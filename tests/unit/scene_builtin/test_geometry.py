@@ -21,6 +21,7 @@ NEEDS = {
     "cornell-box": {"diffuse", "point_light"},
     "cornell-glossy": {"diffuse", "glossy", "point_light"},
     "cube-in-a-box": {"diffuse", "point_light", "animated_geometry"},
+    "empty-room": {"diffuse", "point_light"},
     "furnace": {"diffuse", "area_light"},
     "gears": {"diffuse", "glossy", "area_light"},
     "kite": {"diffuse", "glossy", "point_light", "animated_geometry"},
@@ -32,7 +33,8 @@ NEEDS = {
     "thin-wall": {"diffuse", "point_light"},
 }
 VARIANTS = [
-    ("cornell-box", {"light": "area"}), ("furnace", {"shape": "box"}), ("furnace", {"shape": "sphere"}),
+    ("cornell-box", {"light": "area"}), ("empty-room", {"light": "spot"}),
+    ("furnace", {"shape": "box"}), ("furnace", {"shape": "sphere"}),
     ("sphere-in-sphere", {"source": "point"}), ("parallel-plates", {"light": "area"}), ("rectangle-light", {"occluder": 0.0}),
     ("corner", {"light": "area", "angle": 30.0}), ("thin-wall", {"thickness": 0.0}),
     ("colonnade", {"triangles": 20_000, "sky": True}),

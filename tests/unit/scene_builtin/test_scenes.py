@@ -75,6 +75,15 @@ def test_cornell_glossy_back_wall_is_phong_and_conserves_energy() -> None:
     assert load_scene("cornell-glossy", exponent=5).hash != scene.hash
 
 
+def test_empty_room_is_convex_closed_and_faces_inwards() -> None:
+    world = load_scene("empty-room").world(0)
+    positions = world.positions.astype(np.float64)
+    # every vertex lies in front of (or in) the plane of every triangle
+    heights = (positions[:, None] - positions[world.triangles[:, 0]]) * world.face_normals
+    assert heights.sum(axis=-1).min() > -1e-6
+    assert world.areas.sum() / world.scale**2 == pytest.approx(108, rel=1e-6)
+
+
 def test_no_straight_line_joins_the_rooms_of_thin_wall() -> None:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
