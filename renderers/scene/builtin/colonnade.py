@@ -1,13 +1,12 @@
 """A two-floor atrium with arcades, curtains and an open roof: most of it is lit by indirect light.
 
-The court runs along X (24 m) between two arcades at z = ±4 m; behind each lies a 3 m deep aisle, on two floors. `triangles` is met by
-one number, the detail, which scales every tessellation; it is found by bisection on the counted triangles.
+The court runs along X (24 m) between two arcades at z = ±4 m; behind each lies a 3 m deep aisle, on two floors. `triangles` is
+met by one number, the detail, which scales every tessellation; it is found by bisection on the counted triangles.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderers.scene.builder import SceneBuilder, look_rotation
 from renderers.scene.builtin import colonnade_parts as parts
@@ -20,13 +19,14 @@ GROUND, GALLERY, ROOF = 5.5, 5.9, 10.5
 UPPER = (ROOF - GALLERY) / GROUND
 PAINTS = {
     "stone": (0.58, 0.52, 0.43), "plaster": (0.66, 0.60, 0.50), "light tile": (0.55, 0.49, 0.40), "dark tile": (0.30, 0.24, 0.19),
-    "red cloth": (0.60, 0.06, 0.05), "green cloth": (0.08, 0.32, 0.12), "blue cloth": (0.06, 0.14, 0.45), "bronze": (0.40, 0.26, 0.12),
+    "red cloth": (0.60, 0.06, 0.05), "green cloth": (0.08, 0.32, 0.12), "blue cloth": (0.06, 0.14, 0.45),
+    "bronze": (0.40, 0.26, 0.12),
 }  # fmt: skip
 
 
 @checked(triangles=(20_000, 2_500_000))
 def colonnade(triangles: int = 200_000, sky: bool = False) -> Scene:
-    """Two-floor atrium of arches, columns and coloured curtains under an open roof: sun on the floor, indirect light everywhere else.
+    """Two-floor atrium of arches, columns and curtains under an open roof: sun on the floor, indirect light everywhere else.
 
     `triangles` is met within 10 % (20,000 to 2,500,000). `sky` adds a constant blue environment of radiance (0.35, 0.5, 0.8).
     """
@@ -109,5 +109,3 @@ def _furnish(b: _Atrium, paint: dict[str, int], detail: float) -> None:
                 b.node(name="banner", meshes=(banners[kind],), translation=(x - 0.65, 4.1, z * 0.9))
     b.place(parts.pedestal(detail), paint["stone"], "pedestal", translation=(-4.6, 0.0, 0.9))
     b.place(parts.knot(detail), paint["bronze"], "knot", translation=(-4.6, 2.05, 0.9))
-
-
