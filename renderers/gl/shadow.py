@@ -5,9 +5,9 @@ faces of a cube. Area sample: five, the half cube in front of it. Tiles lie on t
 its share by a border, so percentage-closer filtering never looks across an edge.
 
 Bias. The light's ray through a texel's centre is met with the receiver's own plane, and that distance is compared with the stored one, so a
-plane never shadows itself whatever its slope (a slope-scaled bias without a guessed slope; clamped to ±10 texel footprints). Where two
+plane never shadows itself whatever its slope (a slope-scaled bias without a guessed slope; clamped to ±40 texel footprints). Where two
 surfaces meet, a texel's centre can lie on the other one: the receiver is lifted along its geometric normal by NORMAL_OFFSET texel
-footprints. Contact shadows are lost over about that width, and float rounding is covered by 1e-5 of the scene size.
+footprints, more under PCF. Contact shadows are lost over about that width, and float rounding is covered by 1e-5 of the scene size.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from renderers.gl.programs import assign, program
 from renderers.gl.upload import upload
 from renderers.scene.world import F64, World
 
-NORMAL_OFFSET = 1.0
+NORMAL_OFFSET = 0.25
 NEAR = 1e-5  # under LIFT, so that an area sample's own triangle stays out of its map
 FAR_AWAY = 1e30
 WIDEST_SPOT = np.radians(60.0)  # half angle; beyond it a cube wastes less
@@ -59,7 +59,7 @@ class ShadowMap:
             shadow_origin=tuple(self.origin),
             shadow_centre=tuple(self.centre),
             shadow_half=tuple(self.half),
-            shadow_offset=NORMAL_OFFSET + taps,
+            shadow_offset=NORMAL_OFFSET * (1 + taps),
             shadow_taps=taps,
         )
 
