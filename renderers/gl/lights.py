@@ -1,9 +1,9 @@
 """A World's light as a deterministic list of point-like samples, each of which can have a shadow map.
 
-Point, spot and directional lights are one sample each. Emitting triangles and the environment are k samples each, spread by importance:
-strata of equal power over (triangle, side), placed inside a triangle by its van der Corput points (Basu & Owen 2015), or strata of equal
-radiance × solid angle over the sphere, placed inside a texel by the R2 sequence.
-Sums over samples approach the integral as k grows; there is no random number, so the same World gives the same samples.
+Point, spot and directional lights are one sample each. Emitting triangles and the environment are k samples each, spread by
+importance: strata of equal power over (triangle, side), placed inside a triangle by its van der Corput points (Basu & Owen
+2015), or strata of equal radiance × solid angle over the sphere, placed inside a texel by the R2 sequence. Sums over samples
+approach the integral as k grows; there is no random number, so the same World gives the same samples.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 @dataclass(frozen=True, eq=False)
 class LightSample:
-    """position (3,), axis (3,): unit, the way light travels (area: the emitting side's normal). intensity (3,): W/sr × scale², or W/m²
-    (directional); an area sample's is multiplied by the cosine at its side. cosines: spot's inner and outer."""
+    """One point-like light.
+
+    position (3,); axis (3,): unit, the way light travels (area: the emitting side's normal). cosines: spot's inner and outer.
+    intensity (3,): W/sr × scale², an area sample's to be multiplied by the cosine at its side; directional: W/m².
+    """
 
     kind: Literal["point", "spot", "directional", "area"]
     position: F64
@@ -36,7 +39,10 @@ class LightSample:
 
 
 def light_samples(world: World, count: int) -> list[LightSample]:
-    """All light of the World; `count` samples for all emitting triangles together and as many for the environment, none where there is none."""
+    """All light of the World.
+
+    `count` samples for all emitting triangles together and as many for the environment, none where there is none.
+    """
     samples = [
         LightSample(light.kind, light.position, light.direction, light.intensity, (light.cos_inner, light.cos_outer))  # type: ignore[arg-type]
         for light in world.lights
@@ -82,8 +88,8 @@ def _environment_samples(environment: Environment, count: int) -> list[LightSamp
 def environment_radiance(environment: Environment, local: F64) -> F64:
     """Radiance (N, 3) from unit directions (N, 3) in the environment's own frame, +Y up.
 
-    Column centres lie at azimuth atan2(x, -z) / 2π = (i + 0.5) / W and wrap; rows at polar angle acos(y) / π = j / (H - 1), row 0 at +Y:
-    Mitsuba's `envmap` look-up, bilinear.
+    Column centres lie at azimuth atan2(x, -z) / 2π = (i + 0.5) / W and wrap; rows at polar angle acos(y) / π = j / (H - 1),
+    row 0 at +Y: Mitsuba's `envmap` look-up, bilinear.
     """
     radiance = np.asarray(environment.radiance, np.float64)
     if environment.image is None:
@@ -123,7 +129,10 @@ def _texel_directions(image: NDArray[np.float32], u: F64) -> tuple[F64, F64]:
 
 
 def _strata(weight: F64, count: int) -> tuple[NDArray[np.intp], F64]:
-    """Index into `weight` at the middle of each of `count` equal parts of its sum, and where in that entry, in [0, 1): both (count,)."""
+    """Index into `weight` at the middle of each of `count` equal parts of its sum, and where in that entry, in [0, 1).
+
+    Both (count,).
+    """
     total = np.cumsum(weight)
     place = (np.arange(count) + 0.5) / count * total[-1]
     index = np.minimum(np.searchsorted(total, place, side="right"), len(weight) - 1)

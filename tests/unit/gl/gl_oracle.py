@@ -86,7 +86,7 @@ class Caster:
         return {name: found[name].reshape(shape) for name in ("primID", "tfar")}
 
     def visible(self, points: np.ndarray, geometric: np.ndarray, towards: np.ndarray, *, infinite: bool = False) -> np.ndarray:
-        """Whether the segments points → points + towards (or the whole ray) are free, from 1e-4 off the surface on the light's side."""
+        """Whether the segments from the points (or whole rays) are free, starting 1e-4 off the surface on the light's side."""
         side = np.where(np.sum(geometric * towards, axis=-1, keepdims=True) < 0, -1.0, 1.0)
         start = 1e-4 * side * geometric
         found = self.hits(points + start, towards - (0 if infinite else start))

@@ -51,7 +51,8 @@ LIGHTS = {
 def near_an_edge(world: World, g, light: WorldLight, texels: float, tangent: float) -> np.ndarray:
     """Pixels whose exact visibility changes somewhere within `texels` texel footprints of the light's ray to them, bool (N,).
 
-    The ray is tilted and met with the receiver's own plane, as the map does. tangent: texel size over distance (directional: texel size).
+    The ray is tilted and met with the receiver's own plane, as the map does. tangent: texel size over distance (directional:
+    texel size).
     """
     p, caster = pixels(world, g), Caster(world)
     x, n = p["position"], p["geometric"]
@@ -86,7 +87,8 @@ def test_every_light_kind_matches_shadow_rays(name):
     truth = traced(world, g, light)
     assert (truth.sum(-1) > 0).mean() > 0.1
     assert (truth.sum(-1) == 0).mean() > 0.05
-    # A texel's centre is at most 0.71 texels from the receiver's ray, and the normal offset adds 0.25: wrong only within 1 texel of an edge.
+    # A texel's centre is at most 0.71 texels from the receiver's ray, and the normal offset adds 0.25: wrong only within 1
+    # texel of an edge.
     wrong = (image.sum(-1) > 0) != (truth.sum(-1) > 0)
     assert not np.any(wrong & ~near_an_edge(world, g, light, 1.0, TANGENT[name]))
     assert wrong.mean() < 0.02
@@ -102,7 +104,8 @@ def test_cornell_box_shadows(resolution):
     image = direct(world, g, resolution)[g.covered]
     wrong = (image.sum(-1) > 0) != (truth.sum(-1) > 0)
     assert not np.any(wrong & ~near_an_edge(world, g, world.lights[0], 1.0, 2 / resolution))
-    # Shadow edges are some 4 World units long and the box shows about 4 units² of surface, so two texels' width of them holds 4/resolution.
+    # Shadow edges are some 4 World units long and the box shows about 4 units² of surface, so two texels' width of them
+    # holds 4/resolution.
     assert np.abs(image - truth).sum() < 4 / resolution * truth.sum()
 
 

@@ -24,7 +24,10 @@ def lights_on_surfaces(world: World, count: int) -> tuple[np.ndarray, np.ndarray
 
 
 def expected(world, gbuffer, positions, normals, intensities, eps_b):
-    """The sum, and the sum of the same terms with both cosines 1: rounding of a cosine is absolute, 2⁻²⁴ of a unit vector's length."""
+    """The sum, and the sum of the same terms with both cosines 1.
+
+    Rounding of a cosine is absolute, 2⁻²⁴ of a unit vector's length.
+    """
     p = pixels(world, gbuffer)
     total, ceiling = np.zeros_like(p["position"]), np.zeros_like(p["position"])
     for y, n, i in zip(positions.astype(float), normals.astype(float), intensities.astype(float), strict=True):
@@ -61,8 +64,8 @@ def test_every_brdf_matches_float64():
     image = gather(g, world, *lights, 1e-3)
     total, _ = expected(world, g, *lights, 1e-3)
     assert {0, 1, 2} <= set(world.materials.kind[g.material[g.covered]])
-    # Lobes multiply a vector's rounding by the slope of their logarithm, at most exponent = 30 (Phong) and 4/α = 33 (GGX): 33 · 6e-8 · some
-    # 30 operations = 6e-5 of a term at the lobe's edge.
+    # Lobes multiply a vector's rounding by the slope of their logarithm, at most exponent = 30 (Phong) and 4/α = 33 (GGX):
+    # 33 · 6e-8 · some 30 operations = 6e-5 of a term at the lobe's edge.
     assert np.all(np.abs(image[g.covered] - total) <= 1e-4 * np.maximum(total, 0.1 * total.mean()))
 
 

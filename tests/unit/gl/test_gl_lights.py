@@ -32,7 +32,10 @@ def test_area_samples_carry_radiance_times_area(count):
 
 def test_lamps_of_any_shape_share_samples_by_power():
     identity = (0.0, 0.0, 0.0, 1.0)
-    world = room((DiscLight("disc", intensity=1.0, radius=0.3), (0, 2, 0), identity), (SphereLight("ball", intensity=3.0, radius=0.2), (1, 2, 0), identity)).world()
+    world = room(
+        (DiscLight("disc", intensity=1.0, radius=0.3), (0, 2, 0), identity),
+        (SphereLight("ball", intensity=3.0, radius=0.2), (1, 2, 0), identity),
+    ).world()
     samples = light_samples(world, 200)
     power = {"disc": np.pi * 0.3**2 * 1.0, "ball": 4 * np.pi * 0.2**2 * 3.0}
     centre = (np.array([1, 2, 0]) - world.centre) * world.scale
