@@ -135,7 +135,7 @@ def _received(receivers: Receivers, sample: Incident, caster: RayCaster | None) 
 
 
 def _shadowed(position: F64, geometric: F64, sample: Incident, rows: NDArray[np.intp], caster: RayCaster) -> NDArray[np.bool_]:
-    """Whether the way to the light is blocked; the ray is aimed anew from the moved origin, so it ends at the light, not behind it."""
+    """Whether the way to the light is blocked; aimed anew from the moved origin, so that it ends at the light, not behind it."""
     direction, distance = sample.direction[rows], sample.distance[rows]
     origin = off_surface(position, geometric, direction)
     distant = np.isinf(distance)

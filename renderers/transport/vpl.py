@@ -48,12 +48,6 @@ def emit_vpls(
     counters: Counter[str] | None = None,
 ) -> Vpls:
     """VPLs of `count` points. counters: `vpls_drawn`, `vpls_lit` and `rays` are added to."""
-    counters = Counter[str]() if counters is None else counters
-    counters["vpls_drawn"] += count
-    if not len(world.triangles):
-        counters["vpls_lit"] += 0
-        nothing = np.zeros((0, 3), np.float32)
-        return Vpls(nothing, nothing, nothing, np.zeros(0, np.int64), count)
     points = surface_points(world, count, seed, sampler)
     surface = surface_at(world, *points)
     albedo = surface.base
@@ -67,5 +61,7 @@ def emit_vpls(
     light = irradiance(world, position, normal, sides, light_samples, seed, counters=counters)
     intensity = (albedo[twice] / np.pi * light * (world.areas.sum() / count)).astype(np.float32)
     lit = intensity.any(axis=1)
-    counters["vpls_lit"] += int(lit.sum())
+    if counters is not None:
+        counters["vpls_drawn"] += count
+        counters["vpls_lit"] += int(lit.sum())
     return Vpls(position[lit].astype(np.float32), sides[lit].astype(np.float32), intensity[lit], twice[lit], count)

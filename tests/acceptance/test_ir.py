@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from renderers.scene.builder import SceneBuilder, look_rotation
 from renderers.scene.model import DirectionalLight, Lambert, Scene
 from renderers.transport.gather import gather
 
+ROOT = Path(__file__).parents[2]
 METHOD = InstantRadiosity()
 SIZE = (12, 8)
 SUN_ANGLE, SUN, RHO_SOURCE, RHO = 0.9, 3.0, 0.8, 0.5
@@ -29,21 +31,21 @@ def _software_device(monkeypatch: pytest.MonkeyPatch) -> None:
 def plates(scale: float = 1.0, gap: float = 1.0) -> Scene:
     """Unit squares facing each other at distance `gap`; a slanting sun reaches the upper one from below, past the lower one.
 
-    tan(0.9) = 1.26 > 1: over the gap the ray moves farther sideways than the plate is wide, so the lower plate shadows nothing and gets
-    no direct light on its upper side. The upper plate then has radiance ρ/π · E cos 0.9 everywhere.
+    tan(0.9) = 1.26 > 1: over the gap the ray moves farther sideways than the plate is wide, so the lower plate shadows nothing and
+    gets no direct light on its upper side. The upper plate then has radiance ρ/π · E cos 0.9 everywhere.
     """
     b = SceneBuilder("plates")
     lower, upper = b.material(Lambert("lower", (RHO,) * 3)), b.material(Lambert("upper", (RHO_SOURCE,) * 3))
     ring = np.array([(-0.5, 0, 0.5), (0.5, 0, 0.5), (0.5, 0, -0.5), (-0.5, 0, -0.5)])
     b.quad(ring * scale, lower)
-    b.quad((ring[::-1] + [0, gap, 0]) * scale, upper)
+    b.quad((ring[::-1] + np.array([0, gap, 0])) * scale, upper)
     b.light(DirectionalLight("sun", intensity=SUN), rotation=look_rotation(np.array([np.sin(SUN_ANGLE), np.cos(SUN_ANGLE), 0])))
     b.camera(np.array([0.0, 0.9 * gap, 0.8]) * scale, (0, 0, 0), 0.5)
     return b.build()
 
 
 def exact_plates(scene: Scene, g: GBuffer, gap: float = 1.0, scale: float = 1.0) -> np.ndarray:
-    """Indirect radiance of the lower plate: ρ L F, F the form factor from a point to a parallel rectangle (Howell B-3), by corners."""
+    """Indirect radiance of the lower plate: ρ L F, F the form factor of a point and a parallel rectangle (Howell B-3)."""
     world = scene.world()
     metres = (g.position.astype(np.float64) / world.scale + world.centre) / scale
     radiance = RHO_SOURCE / np.pi * SUN * np.cos(SUN_ANGLE)
@@ -93,13 +95,12 @@ def test_scrambled_sobol_points_beat_independent_ones() -> None:
 
 
 def test_error_falls_with_the_square_root_of_n() -> None:
-    """Slope of log RMS over log N. 128 seeds whose image error has about 2 degrees of freedom each give the RMS to 1/√512 = 4 %, the
-    slope over a factor of 64 in N to √2 · 0.044 / ln 64 = 0.015: 0.05 is 3 of those."""
+    """Slope of log RMS over log N. 128 seeds whose image error has about 2 degrees of freedom each give the RMS to 1/√512 = 4.4 %,
+    the slope over a factor of 64 in N to √2 · 0.044 / ln 64 = 0.015: 0.05 is 3 of those."""
     scene = plates()
     exact = exact_plates(scene, gbuffer_of(scene))
-    counts, rms = (32, 256, 2048), []
-    for n in counts:
-        rms.append(np.sqrt(np.mean([(indirect(scene, s, vpls=n, eps_b=0.0) - exact) ** 2 for s in range(128)])))
+    counts = (32, 256, 2048)
+    rms = [np.sqrt(np.mean([(indirect(scene, s, vpls=n, eps_b=0.0) - exact) ** 2 for s in range(128)])) for n in counts]
     slope = np.polyfit(np.log(counts), np.log(rms), 1)[0]
     assert slope == pytest.approx(-0.5, abs=0.05)
 
@@ -141,7 +142,7 @@ def lost_energy(lights: tuple[np.ndarray, ...], eps_b: float) -> float:
 
 @pytest.mark.parametrize("q", [0.1, 0.3, 0.7])
 def test_clamped_energy_of_a_parallel_plane(q: float) -> None:
-    """Spec 2.3: E_b/E = q (1 + ln(1/q)), q = d²/ε_b, E = π. The loss comes from within √ε_b only, so a finite plate shows all of it."""
+    """Spec 2.3: E_b/E = q (1 + ln(1/q)), q = d²/ε_b, E = π. The loss is all from within √ε_b, so a finite plate shows it."""
     d = 0.1
     lights = lattice_lights(np.array([0, d, 0]), np.array([0.5, 0, 0]), np.array([0, 0, 0.5]), np.array([0, -1.0, 0]), 900)
     assert lost_energy(lights, d * d / q) == pytest.approx(np.pi * (1 - q * (1 + np.log(1 / q))), abs=2e-3)
@@ -184,11 +185,11 @@ def test_same_bytes_in_other_processes_and_at_other_thread_counts() -> None:
     outputs = [
         subprocess.run(
             [sys.executable, "-c", SCRIPT],
-            env=os.environ | {"NUMBA_NUM_THREADS": str(n)},
+            env=os.environ | {"NUMBA_NUM_THREADS": str(n), "PYTHONPATH": str(ROOT)},
             capture_output=True,
             text=True,
             check=True,
-        ).stdout
+        ).stdout  # fmt: skip
         for n in (1, 2, 2)
     ]
     assert len(outputs[0].splitlines()) == 2
@@ -197,7 +198,7 @@ def test_same_bytes_in_other_processes_and_at_other_thread_counts() -> None:
 
 @pytest.mark.mitsuba
 def test_one_bounce_matches_path_tracing() -> None:
-    """Transport one-bounce: beauty with ray-cast visibility, no clamp, against Mitsuba's path of depth 3, in the mean over the image."""
+    """Transport one-bounce: beauty with ray-cast visibility, no clamp, against Mitsuba's path of depth 3."""
     from tests.unit.transport.mitsuba_world import path_traced
 
     scene = renderers.load_scene("cornell-box")
@@ -212,6 +213,31 @@ def test_one_bounce_matches_path_tracing() -> None:
     assert np.median(np.abs(runs.mean(axis=0) - truth) / np.maximum(truth, 1e-3)) < 0.01
 
 
+@pytest.mark.gl
+@pytest.mark.parametrize("scene", ["cornell-box", "cornell-glossy"])
+def test_both_backends_draw_one_image(scene: str) -> None:
+    """Coverage may differ in pixels whose centre an edge crosses; elsewhere float32 G-buffers (1e-6 of size 1) move G_b by about
+    2e-6/r, with r ≥ the clamp's 0.01 of size: 2e-4."""
+    layers = [
+        METHOD.render(renderers.load_scene(scene), IrSettings(vpls=256, backend=backend), size=(64, 36)).layers["beauty"]
+        for backend in ("cpu", "gl")
+    ]
+    difference = np.abs(layers[0] - layers[1]).max(axis=-1)
+    assert np.mean(difference > 2e-4 * layers[0].max(axis=-1) + 1e-6) < 0.002
+
+
+@pytest.mark.gl
+def test_shadow_maps_change_the_direct_layer_alone() -> None:
+    scene = renderers.load_scene("cornell-box")
+    exact, mapped = (
+        METHOD.render(scene, IrSettings(vpls=64, direct_visibility=kind), size=(64, 36)).layers
+        for kind in ("raycast", "shadow-map")
+    )
+    np.testing.assert_array_equal(exact["indirect"], mapped["indirect"])
+    off = np.abs(exact["direct"] - mapped["direct"]).max(axis=-1) > 1e-3 * exact["direct"].max(axis=-1) + 1e-6
+    assert np.mean(off) < 0.01
+
+
 def test_layers_and_counters() -> None:
     frame = METHOD.render(renderers.load_scene("cornell-box"), IrSettings(vpls=64, subpixels=2), size=SIZE)
     np.testing.assert_array_equal(frame.layers["beauty"], frame.layers["direct"] + frame.layers["indirect"])
@@ -222,16 +248,16 @@ def test_layers_and_counters() -> None:
     }  # fmt: skip
 
 
-def test_a_scene_without_geometry_shows_its_sky() -> None:
+def test_the_sky_is_seen_on_the_background() -> None:
     from renderers.scene.model import Environment
 
-    b = SceneBuilder("sky")
+    b = SceneBuilder("sky above a plate")
+    b.quad([(-0.1, 0, 0.1), (0.1, 0, 0.1), (0.1, 0, -0.1), (-0.1, 0, -0.1)], b.material(Lambert("plate")))
     b.environment = Environment((0.1, 0.2, 0.3))
-    b.camera((0, 0, 1), (0, 0, 0), 1.0)
+    b.camera((0, 0.2, 1), (0, 0.2, 0), 1.0)
     for visibility in ("none", "raycast"):
-        frame = METHOD.render(b.build(), IrSettings(vpls=8, visibility=visibility), size=(4, 3))
-        np.testing.assert_allclose(frame.layers["beauty"], np.broadcast_to(np.float32([0.1, 0.2, 0.3]), (3, 4, 3)))
-        assert frame.counters["vpls_lit"] == 0
+        frame = METHOD.render(b.build(), IrSettings(vpls=8, visibility=visibility), size=SIZE)
+        np.testing.assert_allclose(frame.layers["beauty"][0], np.broadcast_to(np.float32([0.1, 0.2, 0.3]), (SIZE[0], 3)))
 
 
 def test_settings_are_resolved_by_a_table() -> None:

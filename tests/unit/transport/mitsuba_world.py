@@ -1,4 +1,4 @@
-"""A World as a diffuse Mitsuba scene, and radiance along pixel-centre rays: an oracle for these tests, written apart from the exporter."""
+"""A World as a diffuse Mitsuba scene, and radiance along pixel-centre rays: an oracle written apart from the exporter."""
 
 from typing import Any
 

@@ -76,8 +76,8 @@ def test_kernels_match_the_oracle(materials: tuple[object, ...], eps_b: float, o
     counters = Counter[str]()
     ours = gather(g, world, *arrays, eps_b, caster_of(world) if occluded else None, counters)
     exact = oracle(g, world, arrays, eps_b, occluded)
-    # float32 sums of up to 1024 positive terms per block, each of relative error about 10 ulp (6e-8): 1e-5 with margin. Occlusion may
-    # flip for a pair whose shadow ray grazes an edge within float32 of a coordinate: such pixels are few.
+    # float32 sums of up to 1024 positive terms per block, each of relative error about 10 ulp (6e-8): 1e-5 with margin. Occlusion
+    # may flip for a pair whose shadow ray grazes an edge within float32 of a coordinate: such pixels are few.
     wrong = np.abs(ours - exact) > 1e-5 * exact + 1e-7
     assert wrong.mean() <= (0.01 if occluded else 0)
     assert ours.mean() == pytest.approx(exact.mean(), rel=1e-4)
