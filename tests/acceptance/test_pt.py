@@ -39,7 +39,9 @@ def pt() -> renderers.Method:
 
 @pytest.mark.parametrize("transport", renderers.TRANSPORTS)
 @pytest.mark.parametrize("pixel", ["centre", "box"])
-def test_the_mean_over_seeds_is_the_reference(cornell: Scene, pt: renderers.Method, transport: renderers.Transport, pixel: str) -> None:
+def test_the_mean_over_seeds_is_the_reference(
+    cornell: Scene, pt: renderers.Method, transport: renderers.Transport, pixel: str
+) -> None:
     truth = render(cornell, transport, SIZE, noise=0.01, pixel=pixel)  # type: ignore[arg-type]
     settings = pt.Settings(transport=transport, spp=64, pixel=pixel)
     frames = np.array([luminance(pt.render(cornell, settings, size=SIZE, seed=k).layers["beauty"]) for k in range(16)])
@@ -71,7 +73,8 @@ def test_same_call_same_bytes_and_another_seed_another_picture(cornell: Scene, p
 def test_same_bytes_in_another_process_and_with_one_thread(cornell: Scene, pt: renderers.Method) -> None:
     here = pt.render(cornell, pt.Settings(spp=7, subpixels=2), size=SIZE, seed=3).layers["beauty"]
     code = (
-        "import drjit as dr; dr.set_thread_count(1); import hashlib, renderers, renderers.method as m; m.device_string = lambda: 'none';"
+        "import drjit as dr; dr.set_thread_count(1);"
+        "import hashlib, renderers, renderers.method as m; m.device_string = lambda: 'none';"
         "pt = renderers.get_method('pt');"
         "f = pt.render(renderers.load_scene('cornell-box'), pt.Settings(spp=7, subpixels=2), size=(24, 18), seed=3);"
         "print(hashlib.sha256(f.layers['beauty'].tobytes()).hexdigest())"
@@ -91,7 +94,10 @@ def test_counters_timings_and_layers(cornell: Scene, pt: renderers.Method) -> No
 def test_subpixels_sample_the_pixel_on_a_grid(cornell: Scene, pt: renderers.Method) -> None:
     """4x4 sub-pixels come closer to the box-filtered truth of a scene without other noise than the centre does."""
     box = render(cornell, "direct", SIZE, noise=1.0, pixel="box").image
-    error = [np.abs(pt.render(cornell, pt.Settings(transport="direct", spp=1, subpixels=k), size=SIZE).layers["beauty"] - box).mean() for k in (1, 4)]
+    error = [
+        np.abs(pt.render(cornell, pt.Settings(transport="direct", spp=1, subpixels=k), size=SIZE).layers["beauty"] - box).mean()
+        for k in (1, 4)
+    ]
     assert error[1] < error[0] / 3
 
 

@@ -51,7 +51,9 @@ def test_furnace(albedo: float) -> None:
     np.testing.assert_allclose(bounced.mean(), 1 + albedo + albedo**2, rtol=0.01)
 
 
-def means(scene: Scene, transport: renderers.Transport, size: tuple[int, int] = (16, 12), **more: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+def means(
+    scene: Scene, transport: renderers.Transport, size: tuple[int, int] = (16, 12), **more: Any
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Mean image and its standard error per channel."""
     reference = render(scene, transport, size, noise=more.pop("noise", 1.0), **more)
     return reference.image, np.sqrt(reference.variance)
@@ -80,7 +82,7 @@ def test_transports_nest_in_the_cornell_box() -> None:
     ],
 )
 def test_unoccluded_is_one_bounce_where_nothing_occludes(material: Material) -> None:
-    """In a convex room every ray pierces one wall: both estimators have the same expectation, for diffuse and glossy ends of the path."""
+    """In a convex room every ray pierces one wall: the expectations agree, for diffuse and glossy ends of the path."""
     scene = room(material, PointLight(intensity=2.0))
     a, error_a = means(scene, "one-bounce")
     b, error_b = means(scene, "one-bounce-unoccluded")
@@ -107,7 +109,7 @@ def plates(middle: bool) -> Scene:
 
 
 def test_unoccluded_sees_the_outer_plate_through_the_occluder() -> None:
-    """Floor point under the lamp: the occluder's underside is dark; the ceiling, h above the lamp and H above the floor, contributes
+    """Floor under the lamp: the occluder's underside is dark; the ceiling, h above the lamp and H above the floor, contributes
 
     L = ρ_f/π ∫ (ρ_c/π) I h/(h² + r²)^{3/2} · H²/(H² + r²)² 2πr dr
     """
@@ -135,7 +137,7 @@ def corner(height: float) -> Scene:
 
 
 def test_ambient_occlusion_beside_a_long_wall() -> None:
-    """At distance d from a wall of height h, without ends, the sky's share is ½ (1 + d / √(d² + h²)); albedo and lights don't matter."""
+    """At distance d from a wall of height h, without ends, the sky's share is ½ (1 + d / √(d² + h²)); albedo and light don't count."""
     image, error = means(corner(1.0), "ambient-occlusion", (4, 4))
     expected = 0.5 * (1 + 0.5 / np.hypot(0.5, 1.0))
     assert abs(image.mean() - expected) < 5 * np.sqrt((error**2).mean() / 16) + 1e-3
@@ -154,9 +156,7 @@ def test_ambient_occlusion_is_mitsubas_direct_under_a_white_sky() -> None:
     ours, error = means(scene, "ambient-occlusion", size)
     clay = mitsuba_scene(scene.world(), size, clay=True)
     parts = {f"shape{k}": s for k, s in enumerate(clay.shapes())}
-    lit = mi.load_dict(
-        {"type": "scene", "sensor": clay.sensors()[0], "sky": {"type": "constant", "radiance": 1.0}, **parts}
-    )
+    lit = mi.load_dict({"type": "scene", "sensor": clay.sensors()[0], "sky": {"type": "constant", "radiance": 1.0}, **parts})
     integrator = mi.load_dict({"type": "direct", "hide_emitters": True})
 
     def estimate(scene: Any, sampler: Any, ray: Any, active: Any) -> Any:
@@ -177,7 +177,7 @@ def test_closed_scenes_have_no_sky_and_say_so() -> None:
 
 @pytest.mark.parametrize("scale", [1e-3, 1e4])
 def test_scale_does_not_matter(scale: float) -> None:
-    """Lengths × s and intensity × s² leave radiance alone; offsets are relative, so shadows don't leak at 1e-3 nor vanish at 1e4."""
+    """Lengths × s and intensity × s² leave radiance alone; offsets are relative: no leak at 1e-3, no lost shadow at 1e4."""
 
     def scaled(s: float) -> Scene:
         b = SceneBuilder("scaled")
@@ -195,7 +195,7 @@ def test_scale_does_not_matter(scale: float) -> None:
 
 
 def test_multijitter_has_the_mean_of_independent_samples() -> None:
-    """Within 4 standard errors, over the image and in the mean square over pixels; Mitsuba's own render loop draws the independent ones."""
+    """Within 4 standard errors over the image, and pixel by pixel; Mitsuba's own render loop draws the independent ones."""
     from renderers.reference.export import mi, mitsuba_scene
 
     scene, size = renderers.load_scene("cornell-box"), (24, 18)

@@ -76,7 +76,9 @@ def test_a_stored_reference_is_continued_as_if_never_stopped(cornell: Scene, tmp
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_a_stored_reference_that_suffices_is_returned_untouched(cornell: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stored_reference_that_suffices_is_returned_untouched(
+    cornell: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first = render(cornell, "one-bounce", SIZE, noise=0.1, store=tmp_path)
     monkeypatch.setattr("renderers.reference.replicates._continued", lambda *a: pytest.fail("rendered again"))
     assert same(render(cornell, "one-bounce", SIZE, noise=0.2, store=tmp_path), first)
