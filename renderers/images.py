@@ -56,7 +56,7 @@ def read_exr(path: Path | str) -> tuple[dict[str, NDArray[np.float32]], dict[str
 
     with OpenEXR.File(str(path), separate_channels=True) as file:
         channels = {name: channel.pixels for name, channel in file.channels().items()}
-        header = dict(file.header())
+        header = dict(file.header())  # closing the file empties the original
     attributes = {k.split(":", 1)[1]: v for k, v in header.items() if k.startswith("luxmeter:")}
     layers: dict[str, NDArray[np.float32]] = {}
     for name in channels:
