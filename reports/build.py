@@ -16,7 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from reports import format as form
 from reports import tables
 from reports.evidence import Evidence, bars
-from reports.folder import Evaluation, SceneInfo, read
+from reports.folder import Cell, Evaluation, SceneInfo, read
 from reports.plots import speed_against_error
 from reports.registry import METRICS
 from reports.results import Result
@@ -113,7 +113,7 @@ def _scene(
         "budgets": {"zero": zero, "stacks": stacks},
         "sequences": [found for row in rows if len(row.frames) > 1 and (found := evidence.sequence(row)) is not None],
         "viewer": write_viewer(images, scene, rows, assets, prefix),
-        "failed": [cell for row in rows for cell in row.failed if cell.state == "failed"],
+        "failed": _failures(rows),
         "waiting": [cell for row in rows for cell in row.failed if cell.state != "failed"],
         "references": [r for r in evaluation.references if r.scene == scene.name],
         "aliasing": _aliasing(scene),
@@ -133,6 +133,20 @@ def _plots(rows: Sequence[Row], assets: Path, prefix: str) -> list[dict[str, Any
         if names:
             found.append({"device": device, "light": names[0], "dark": names[1]})
     return found
+
+
+def _failures(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Failed cells, those of one row with the same error in one line."""
+    found: dict[tuple[str, str], list[Cell]] = {}
+    for row in rows:
+        for cell in row.failed:
+            if cell.state == "failed":
+                found.setdefault((row.label, cell.error or "no message"), []).append(cell)
+    lines = []
+    for (label, error), cells in found.items():
+        seeds, frames = sorted({c.seed for c in cells}), sorted({c.frame for c in cells})
+        lines.append({"label": label, "error": error, "seeds": seeds, "frames": frames})
+    return lines
 
 
 def _aliasing(scene: SceneInfo) -> str | None:

@@ -46,7 +46,7 @@ def uncertainty(metric: Metric, found: Interval) -> str:
     if found.kind == "none":
         return "one seed"
     if found.kind == "exact":
-        return "all seeds equal"
+        return "seeds equal"
     return f"± {percent(found.half) if metric.unit == 'share' else number(found.half, 2)}"
 
 

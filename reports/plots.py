@@ -80,6 +80,8 @@ def speed_against_error(rows: Sequence[Row], stem: Path) -> list[str]:
 
 
 def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     found = points(rows, against)
     axes.set(xscale="log", yscale="log", title=TITLES[against], xlabel="wall seconds", ylabel="RMSE (0–255)")
     axes.grid(True, which="major", color=theme.faint, linewidth=0.5)
@@ -87,6 +89,10 @@ def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> N
     if not found:
         axes.text(0.5, 0.5, "nothing measured", ha="center", va="center", transform=axes.transAxes)
         return
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.set_minor_formatter(NullFormatter())
     _path_tracing(axes, found)
     for point in found:
         _draw(axes, point)
@@ -124,11 +130,9 @@ def _draw(axes: Axes, point: Point) -> None:
         yerr=[[down], [up]],
         xerr=[[point.seconds - span.low], [span.high - point.seconds]],
         color=point.colour,
-        marker=point.marker,
-        markersize=6,
         linestyle="none",
         elinewidth=1,
         capsize=2,
-        label=label,
         zorder=3,
     )
+    axes.plot([point.seconds], [y], color=point.colour, marker=point.marker, markersize=7, linestyle="none", label=label, zorder=4)
