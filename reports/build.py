@@ -94,9 +94,7 @@ def _distinct(results: Mapping[str, Result], field: str) -> dict[str, list[str]]
     return {name: list(values) for name, values in sorted(found.items())}
 
 
-def _scene(
-    images: Images, evaluation: Evaluation, scene: SceneInfo, rows: list[Row], assets: Path, prefix: str
-) -> dict[str, Any]:
+def _scene(images: Images, evaluation: Evaluation, scene: SceneInfo, rows: list[Row], assets: Path, prefix: str) -> dict[str, Any]:
     evidence = Evidence(images, scene)
     budgets = [(row, found) for row in rows if (found := evidence.budget(row)) is not None]
     zero, stacks = bars(budgets)
@@ -151,7 +149,9 @@ def _failures(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def _aliasing(scene: SceneInfo) -> str | None:
     """Box against centre reference in one line: error that any image of one sample a pixel has, whatever its method."""
-    values = [f"{METRICS[m].name} {form.of_metric(METRICS[m], v)}" for m, v in scene.aliasing.items() if m in METRICS and v is not None]
+    values = [
+        f"{METRICS[m].name} {form.of_metric(METRICS[m], v)}" for m, v in scene.aliasing.items() if m in METRICS and v is not None
+    ]
     return ", ".join(values) or None
 
 

@@ -127,7 +127,9 @@ def summary(rows: Sequence[Row], decides: Decides) -> list[str]:
         labels = too_noisy(rows, against)
         if labels:
             share = f"{100 * TOO_NOISY:.0f} %"
-            sentences.append(f"Reference too noisy ({against}): more than {share} of the pixels are undecided for {', '.join(labels)}.")
+            sentences.append(
+                f"Reference too noisy ({against}): more than {share} of the pixels are undecided for {', '.join(labels)}."
+            )
     if failed and failed < total:
         sentences.append(f"{failed} of {total} cells failed.")
     return sentences

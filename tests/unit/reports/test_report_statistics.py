@@ -127,7 +127,9 @@ def test_budget_of_one_seed_does_not_invent_noise() -> None:
 
 def test_mean_budget_still_adds_up() -> None:
     rng = np.random.default_rng(6)
-    parts = [budget([rng.random((3, 3, 3)) for _ in range(2)], rng.random((3, 3, 3)), rng.random((3, 3, 3)), 0.01) for _ in range(4)]
+    parts = [
+        budget([rng.random((3, 3, 3)) for _ in range(2)], rng.random((3, 3, 3)), rng.random((3, 3, 3)), 0.01) for _ in range(4)
+    ]
     mean = mean_budget(parts)
     assert mean.noise is not None
     assert mean.bias == pytest.approx(np.mean([p.bias for p in parts]))
