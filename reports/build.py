@@ -1,6 +1,7 @@
 """Write the static report of an evaluation folder: `index.html`, `assets/`, `results.csv`, `results.parquet`.
 
-The report is a pure function of the folder: the same folder gives the same bytes. It opens from disk and loads nothing from elsewhere.
+The report is a pure function of the folder: the same folder gives the same bytes. It opens from disk and loads nothing from
+elsewhere.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def _scene(images: Images, evaluation: Evaluation, scene: SceneInfo, rows: list[
         "settings": tables.settings_table(rows),
         "plots": _plots(rows, assets, prefix),
         "budgets": {"zero": zero, "stacks": stacks},
-        "sequences": [found for row in rows if len(row.frames) > 1 and (found := evidence.sequence(row)) is not None],
+        "sequences": [errors for row in rows if len(row.frames) > 1 and (errors := evidence.sequence(row)) is not None],
         "viewer": write_viewer(images, scene, rows, assets, prefix),
         "failed": _failures(rows),
         "waiting": [cell for row in rows for cell in row.failed if cell.state != "failed"],

@@ -39,7 +39,7 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """All seeds and frames of one configuration in one scene on one device. `cells` holds failed ones too; `results` is by cell id."""
+    """All seeds and frames of one configuration in one scene on one device. `cells` holds failed ones too; `results` is by id."""
 
     key: str
     scene: str

@@ -22,7 +22,9 @@ Decides = Callable[[Row, Row, Against], bool | None]
 
 @dataclass(frozen=True)
 class Order:
-    """How the best row stands to the next one. gap: difference of their RMSE; half: half width of its 95 % interval, if there is one."""
+    """How the best row stands to the next one. gap: difference of their RMSE; half: half width of its 95 % interval, if there is
+    one.
+    """
 
     best: Row
     second: Row | None
@@ -89,7 +91,7 @@ def too_noisy(rows: Sequence[Row], against: Against) -> list[str]:
 
 
 def path_traced_points(rows: Sequence[Row], row: Row, against: Against) -> list[tuple[float, float]]:
-    """(seconds, RMSE) of path tracing on the row's device and size, with the row's transport where `against` is matched, else full."""
+    """(seconds, RMSE) of path tracing on the row's device and size: of the row's transport, or against full of full transport."""
     transport = row.transport if against == "matched" else "full"
     points = []
     for other in rows:

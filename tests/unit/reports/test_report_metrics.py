@@ -209,7 +209,8 @@ def test_noise_floor_is_the_size_of_the_noise() -> None:
     reference = np.full((64, 64, 3), 0.5, np.float32)
     row = noise_floor(reference, np.full_like(reference, 0.005**2))
     slope = 255 * 1.055 / 2.4 * 0.5 ** (1 / 2.4 - 1)
-    # One draw at 4096 pixels: the root mean square of the noise has a relative standard deviation of 1/sqrt(2·4096) = 1.1 %; 5 % is over 4 of them.
+    # One draw at 4096 pixels: the root mean square of the noise has a relative standard deviation of 1/sqrt(2·4096) = 1.1 %; 5 %
+    # is over 4 of them.
     assert row["rmse"] == pytest.approx(0.005 * slope, rel=0.05)
     assert row == noise_floor(reference, np.full_like(reference, 0.005**2))
     assert noise_floor(reference, np.zeros_like(reference))["rmse"] == 0

@@ -83,7 +83,8 @@ def test_budget_finds_the_parts_it_was_made_of() -> None:
     found = budget(images, matched, full)
     assert found.noise is not None
     # Over N = 12288 values: noise is a variance on 7 N degrees of freedom (relative deviation sqrt(2/7N) = 0.5 %); bias has
-    # 2·2·3/sqrt(8 N) = 0.04 beside a deviation of the noise's share; alone is a variance on N (relative 1.3 %); four deviations each.
+    # 2·2·3/sqrt(8 N) = 0.04 beside a deviation of the noise's share; alone is a variance on N (relative 1.3 %); four deviations
+    # each.
     assert found.noise == pytest.approx(9, rel=0.02)
     assert found.bias == pytest.approx(4, abs=0.2)
     assert found.model_alone == pytest.approx(25, rel=0.052)
@@ -179,7 +180,8 @@ def test_reference_noise_swaps_the_order_as_often_as_said() -> None:
     for _ in range(400):
         r = exact + 3.0 * rng.standard_normal(shape[:2])[..., None]
         gaps.append(np.mean((a - r) ** 2) - np.mean((b - r) ** 2))
-    # The bound takes a pixel's channels as moving together with |a − b|; signs that differ make the true deviation smaller, never larger.
+    # The bound takes a pixel's channels as moving together with |a − b|; signs that differ make the true deviation smaller, never
+    # larger.
     deviation = 2 * np.sqrt(np.sum(np.mean(np.abs(a - b) * spread, axis=2) ** 2)) / 256
     assert np.std(gaps) < 1.1 * deviation
     same = Truth(exact, spread)
