@@ -76,6 +76,7 @@ def speed_against_error(rows: Sequence[Row], stem: Path) -> list[str]:
             left, right = figure.subplots(1, 2, sharex=True)
             for axes, against in ((left, AGAINST[0]), (right, AGAINST[1])):
                 _panel(axes, rows, against, theme)
+            left.set_xlim(*_limits([p.seconds for p in points(rows, AGAINST[0]) + points(rows, AGAINST[1])]))
             handles = {str(h.get_label()): h for axes in (left, right) for h in axes.get_legend_handles_labels()[0]}
             figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, frameon=False)
             path = stem.with_name(f"{stem.name}-{theme.name}.svg")
@@ -108,6 +109,13 @@ def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> N
     for k, floor in enumerate(sorted(set(floors))):
         label = "reference noise floor" if k == 0 else None
         axes.axhline(floor, color=theme.ink, linewidth=0.8, linestyle=(0, (6, 3)), alpha=0.6, label=label)
+
+
+def _limits(values: Sequence[float]) -> tuple[float, float]:
+    """Range of a logarithmic axis: the values with a margin, at least a decade wide; a single point stands in the middle."""
+    low, high = min(values), max(values)
+    margin = max((10.0 * low / high) ** 0.5, 1.25)
+    return low / margin, high * margin
 
 
 def _path_tracing(axes: Axes, found: Sequence[Point]) -> None:

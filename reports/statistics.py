@@ -172,9 +172,10 @@ def reference_decides(a: Array, b: Array, truth_a: Truth, truth_b: Truth) -> boo
 
     a, b: display values (H, W, 3), means over seeds, each with its own truth; the same object for both means the same reference
     image. Noise e of a reference moves ⟨(a − r)²⟩ by −2⟨(a − r) e⟩ + ⟨e²⟩. With one reference for both, the difference moves by
-    −2⟨(a − b) e⟩ only; with two, each error moves on its own, and the differing ⟨e²⟩ are taken off first. N pixels whose channels
-    move together (the worst case) give the standard deviation 2/N · sqrt(Σ (mean_c |weight|_c σ_c)²). The order is decided beyond
-    1.96 of these.
+    −2⟨(a − b) e⟩ only; with two, each error moves on its own, and the expected ⟨e²⟩ are taken off first. N pixels whose channels
+    move together (the worst case) give the standard deviation 2/N · sqrt(Σ (mean_c |weight|_c σ_c)²). Weights measured against the
+    noisy reference hold σ² of its noise, hence 4 Σσ⁴/N² in the variance, more than the 2 Σσ⁴/N² by which ⟨e²⟩ itself varies. The
+    order is decided beyond 1.96 standard deviations.
     """
     gap = float(np.mean((a - truth_a.display) ** 2) - np.mean((b - truth_b.display) ** 2))
     if truth_a is truth_b:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from reports import format as form
@@ -52,3 +55,9 @@ def test_units() -> None:
     assert form.megabytes(300 << 20) == "300 MiB"
     assert form.megabytes(0) == "–"
     assert form.count(1234567) == "1\u202f234\u202f567"
+
+
+def test_contracts_import_nothing_heavy() -> None:
+    heavy = {"matplotlib", "pandas", "jinja2", "skimage", "scipy", "flip_evaluator", "mitsuba", "moderngl", "numba", "OpenEXR"}
+    code = f"import sys, reports, reports.results, reports.folder; print(sorted({heavy} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"

@@ -171,6 +171,18 @@ def test_reference_decides_beyond_its_own_noise() -> None:
     assert not reference_decides(near, near, quiet, quiet)
 
 
+def test_two_references_add_their_noise() -> None:
+    rng = np.random.default_rng(9)
+    shape = (16, 16, 3)
+    exact = np.full(shape, 100.0)
+    near, far = exact + 1.0, exact + rng.normal(0, 2, shape)
+    quiet = Truth(exact, np.full(shape, 0.01))
+    noisy = Truth(exact + 10.0 * rng.standard_normal(shape[:2])[..., None], np.full(shape, 10.0))
+    other = Truth(exact.copy(), np.full(shape, 0.01))
+    assert reference_decides(near, far, quiet, other)
+    assert not reference_decides(near, far, quiet, noisy)
+
+
 def test_reference_noise_swaps_the_order_as_often_as_said() -> None:
     rng = np.random.default_rng(8)
     shape = (16, 16, 3)
