@@ -13,7 +13,7 @@ from jobs.process import child_environment
 
 pytestmark = pytest.mark.usefixtures("toy_methods")
 
-HEAVY = ("pyrender", "moderngl", "numba", "mitsuba", "embreex", "OpenEXR", "matplotlib", "pandas", "scipy", "skimage", "trimesh")
+HEAVY = ("pyrender", "moderngl", "numba", "mitsuba", "embreex", "OpenEXR", "matplotlib", "pandas", "skimage", "trimesh")
 PROGRAM = f"""
 import sys
 from service.cli import run
