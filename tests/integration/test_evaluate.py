@@ -153,3 +153,21 @@ def test_the_command_line_with_real_references(tmp_path: Path, capsys: pytest.Ca
     assert (result.metrics["full"]["rmse"] or 0) > (result.noise_floor["full"]["rmse"] or 0) > 0
     assert stored.scenes[0].exposure > 0
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_report_that_fails_loses_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import reports
+    from service.cli import run
+
+    def broken(folder: Path) -> Path:
+        raise ValueError("no ink")
+
+    monkeypatch.setattr(reports, "write", broken)
+    monkeypatch.setattr("service.commands._evaluate.Options", lambda **given: jobs.Options(**given, runner=stand_in))
+    out = tmp_path / "out"
+    assert run(["evaluate", "--scene", "cornell-box", "--method", "flat", "--size", "8x6", "--out", str(out)]) == 1
+    assert "report: ValueError: no ink" in capsys.readouterr().err
+    assert len(list((out / "results").iterdir())) == 1
+    assert "Traceback" in next((out / "logs").iterdir()).read_text()
