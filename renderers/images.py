@@ -13,7 +13,7 @@ LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 def luminance(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
     """Relative luminance of linear Rec.709 RGB (..., 3), float64 (...)."""
-    return rgb.astype(np.float64) @ LUMA
+    return np.asarray(rgb.astype(np.float64) @ LUMA)
 
 
 def display_values(rgb: NDArray[np.floating], exposure: float) -> NDArray[np.float64]:
@@ -56,7 +56,7 @@ def read_exr(path: Path | str) -> tuple[dict[str, NDArray[np.float32]], dict[str
 
     with OpenEXR.File(str(path), separate_channels=True) as file:
         channels = {name: channel.pixels for name, channel in file.channels().items()}
-        header = file.header()
+        header = dict(file.header())  # closing the file empties the original
     attributes = {k.split(":", 1)[1]: v for k, v in header.items() if k.startswith("luxmeter:")}
     layers: dict[str, NDArray[np.float32]] = {}
     for name in channels:

@@ -7,6 +7,7 @@ A method is one module (or small folder) in `renderers/methods` whose last line 
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -137,11 +138,13 @@ def register(method: type[Method]) -> type[Method]:
 
 
 def methods() -> dict[str, Method]:
-    """All registered methods by name, sorted."""
+    """All registered methods by name, sorted: those of `renderers.methods`, and of the modules that LUXMETER_PLUGINS names (a, b)."""
     import renderers.methods as package
 
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"renderers.methods.{module.name}")
+    for plugin in os.environ.get("LUXMETER_PLUGINS", "").replace(",", " ").split():
+        importlib.import_module(plugin)
     return dict(sorted(_METHODS.items()))
 
 

@@ -1,1 +1,1 @@
-"""TBD"""
+"""The front doors: the `luxmeter` command line."""

@@ -1,0 +1,65 @@
+"""Scenes as users name them: `cornell-box`, `cornell-box:light=area`, `path/to/file.glb`, or a folder under LUXMETER_SCENES."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from renderers import Scene, SceneError, builtin_scenes, load_scene
+
+
+@dataclass(frozen=True)
+class NamedScene:
+    """A loaded scene, the name reports call it by and the text that loads it again."""
+
+    name: str
+    text: str
+    scene: Scene
+
+
+def open_scene(text: str) -> NamedScene:
+    """Load a scene from what the user wrote. Raises SceneError in one line."""
+    base, colon, tail = text.partition(":")
+    if colon and base in builtin_scenes():
+        return NamedScene(text, text, load_scene(base, **_parameters(base, tail)))
+    path = Path(text)
+    name = text
+    if path.suffix:
+        name = path.stem if path.stem != "scene" else path.resolve().parent.name
+        text = str(path.resolve())
+    return NamedScene(name, text, load_scene(text))
+
+
+def parameters(name: str) -> dict[str, Any]:
+    """Parameters of a built-in scene with their defaults."""
+    from renderers.scene.builtin import BUILTIN
+
+    return {p.name: p.default for p in inspect.signature(BUILTIN[name]).parameters.values()}
+
+
+def scene_folders() -> list[str]:
+    """Names of the scenes under LUXMETER_SCENES, sorted."""
+    folder = os.environ.get("LUXMETER_SCENES")
+    return sorted(p.parent.name for p in Path(folder).glob("*/scene.glb")) if folder else []
+
+
+def _parameters(base: str, text: str) -> dict[str, Any]:
+    from renderers.scene.builtin import BUILTIN
+
+    known = parameters(base)
+    types = get_type_hints(BUILTIN[base])
+    values = {}
+    for part in text.split(","):
+        key, equals, value = part.partition("=")
+        if not equals or key not in known:
+            raise SceneError(f"{base} has no parameter {key!r}; it has {', '.join(known) or 'none'} (write {base}:name=value,…)")
+        try:
+            values[key] = TypeAdapter(types.get(key, str)).validate_python(value)
+        except ValidationError as error:
+            raise SceneError(f"{base}:{key}={value}: {error.errors()[0]['msg']}") from None
+    return values

@@ -1,0 +1,76 @@
+"""Methods without mathematics, to test what carries methods out. Named in LUXMETER_PLUGINS, as any method kept outside the tree."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from renderers import Claim, Frame, Method, Scene, Settings, Transport, register, setting
+
+
+class FlatSettings(Settings):
+    """How bright, and how to misbehave."""
+
+    level: float = setting(0.5, "radiance of every pixel", unit="W·sr⁻¹·m⁻²", ge=0, le=10)
+    mode: Literal["good", "raise", "abort", "hang", "grow"] = setting("good", "what to do instead of rendering")
+
+
+class Flat(Method):
+    """One colour, brighter with the frame number; refuses environments."""
+
+    name = "flat"
+    title = "One flat colour"
+    source = "luxmeter's tests"
+    Settings = FlatSettings
+    claims: ClassVar = {"environment": Claim("refused"), "glossy": Claim("approximated", "drawn flat")}
+
+    def transport(self, settings: FlatSettings) -> Transport:
+        return "direct"
+
+    def _render(self, scene: Scene, settings: FlatSettings, context: Any) -> Frame:
+        if settings.mode == "raise":
+            raise ValueError("no such colour")
+        if settings.mode == "abort":
+            os.abort()
+        if settings.mode == "hang":
+            time.sleep(60)
+        hoard = [np.ones(2**23, np.uint8) for _ in range(64)] if settings.mode == "grow" else []
+        if hoard:
+            time.sleep(5)
+        with context.watch("fill"):
+            image = np.full((context.size[1], context.size[0], 3), settings.level * (1 + context.frame), np.float32)
+        return Frame({"beauty": image}, context.watch.timings, {"pixels": image.size // 3})
+
+
+class BudgetSettings(Settings):
+    """Work, or a time that a pilot turns into work."""
+
+    steps: int = setting(1, "work", ge=1)
+    seconds: float | None = setting(None, "wanted time", unit="s", gt=0)
+
+
+class Budget(Method):
+    """Brightness is the amount of work; the pilot knows that a step takes 0.1 s."""
+
+    name = "budget"
+    title = "Work for a time"
+    source = "luxmeter's tests"
+    Settings = BudgetSettings
+
+    def transport(self, settings: BudgetSettings) -> Transport:
+        return "full"
+
+    def plan(self, scene: Scene, settings: BudgetSettings, size: tuple[int, int]) -> BudgetSettings:
+        """Settings that state the work."""
+        return BudgetSettings(steps=round((settings.seconds or 0) * 10))
+
+    def _render(self, scene: Scene, settings: BudgetSettings, context: Any) -> Frame:
+        image = np.full((context.size[1], context.size[0], 3), settings.steps, np.float32)
+        return Frame({"beauty": image}, context.watch.timings, {"steps": settings.steps})
+
+
+register(Flat)
+register(Budget)
