@@ -1,4 +1,4 @@
-"""Projection matrices (no GL needed): pixels lie on the camera's rays, and stored depth is near / distance in either depth convention."""
+"""Projections (no GL needed): a pixel's ray lands on its centre, and stored depth is near over distance in either convention."""
 
 from __future__ import annotations
 
