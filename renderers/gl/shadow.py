@@ -121,8 +121,8 @@ def _tiles(light: LightSample, resolution: int, taps: int) -> tuple[F64, F64]:
 def _frame(axis: F64) -> F64:
     """Rotation (3, 3) that turns `axis` to -Z."""
     back = -axis / np.linalg.norm(axis)
-    helper = np.eye(3)[np.argmin(np.abs(back))]
-    right = np.cross(helper, back)
+    other = np.eye(3)[np.argmin(np.abs(back))]
+    right = np.cross(other, back)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(back, right), back])
 
