@@ -189,7 +189,7 @@ def test_same_bytes_in_other_processes_and_at_other_thread_counts() -> None:
             capture_output=True,
             text=True,
             check=True,
-        ).stdout  # fmt: skip
+        ).stdout
         for n in (1, 2, 2)
     ]
     assert len(outputs[0].splitlines()) == 2
