@@ -66,7 +66,7 @@ def test_names_come_from_the_scene_folder(tmp_path, monkeypatch):
         with pytest.raises(SceneError, match="unknown scene"):
             load_scene(name)
     monkeypatch.delenv("LUXMETER_SCENES")
-    with pytest.raises(SceneError, match="built-in: .*cornell-box"):
+    with pytest.raises(SceneError, match=r"built-in: .*cornell-box"):
         load_scene("mine")
 
 

@@ -1,6 +1,6 @@
 """Files to (JSON, buffers) and back: GLB chunks, data URIs, files beside a .gltf. Nothing is allocated on a header's word alone.
 
-Limits: `files.MAX_FILE_BYTES` for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf only, the plain name of a
+Limits: `files.MAX_FILE_BYTES` for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf, the plain name of a
 file in the same folder.
 """
 

@@ -38,17 +38,16 @@ positive = st.just(0.0) | st.floats(1e-30, 1e6)
 coordinate = st.floats(-1e3, 1e3)
 colors = st.tuples(unit, unit, unit)
 lights_rgb = st.tuples(positive, positive, positive)
-extras = st.one_of(
-    st.just(""),
-    st.recursive(st.none() | st.booleans() | st.integers(-9, 9) | names, lambda x: st.lists(x, max_size=2) | st.dictionaries(names, x, max_size=2))
-    .filter(lambda x: x is not None)
-    .map(lambda x: json.dumps(x, separators=(",", ":"))),
-)  # fmt: skip
+json_values = st.recursive(
+    st.booleans() | st.integers(-9, 9) | names,
+    lambda value: st.lists(value, max_size=2) | st.dictionaries(names, value, max_size=2),
+)
+extras = st.just("") | json_values.map(lambda value: json.dumps(value, separators=(",", ":")))
 
 
 @st.composite
 def quaternions(draw):
-    v = np.array(draw(st.tuples(*[st.floats(-1, 1)] * 3)) + (1.0,))
+    v = np.array([*draw(st.tuples(*[st.floats(-1, 1)] * 3)), 1.0])
     return tuple(float(x) for x in v / np.linalg.norm(v))
 
 
