@@ -46,7 +46,12 @@ class Maker:
         """Add an array as an accessor of its dtype."""
         rows = np.asarray(values).reshape(len(values), -1)
         kind = rows.dtype.newbyteorder("<").str[1:]
-        item = {"bufferView": self.view(rows.tobytes()), "componentType": COMPONENTS[kind], "count": len(rows), "type": TYPES[rows.shape[1]]}
+        item = {
+            "bufferView": self.view(rows.tobytes()),
+            "componentType": COMPONENTS[kind],
+            "count": len(rows),
+            "type": TYPES[rows.shape[1]],
+        }
         self.root["accessors"].append(item | more)
         return len(self.root["accessors"]) - 1
 

@@ -124,7 +124,9 @@ def test_emission_and_units(tmp_path):
 def test_lights_cameras_and_what_they_lose(tmp_path):
     maker = simple()
     lights = maker.root["extensions"]["KHR_lights_punctual"]["lights"]
-    lights.append({"type": "spot", "intensity": 3, "color": [1, 0, 0], "range": 4, "spot": {"outerConeAngle": 0.6, "innerConeAngle": 0.1}})
+    lights.append(
+        {"type": "spot", "intensity": 3, "color": [1, 0, 0], "range": 4, "spot": {"outerConeAngle": 0.6, "innerConeAngle": 0.1}}
+    )
     maker.root["cameras"].insert(0, {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 1}})
     maker.root["nodes"][1]["camera"] = 1
     scene = read_gltf(maker.save(tmp_path))
@@ -147,7 +149,9 @@ def test_a_camera_is_framed_where_there_is_none(tmp_path):
 
 def test_ggx_and_smooth_materials(tmp_path):
     maker = simple()
-    maker.root["materials"] = [{PBR: {"baseColorFactor": [0.5, 0.4, 0.3, 1], "metallicFactor": 0, "roughnessFactor": 0}, "doubleSided": True}]
+    maker.root["materials"] = [
+        {PBR: {"baseColorFactor": [0.5, 0.4, 0.3, 1], "metallicFactor": 0, "roughnessFactor": 0}, "doubleSided": True}
+    ]
     scene = read_gltf(maker.save(tmp_path))
     assert scene.materials == (GGX("", (0.5, 0.4, 0.3), 0, 0),)
     assert scene.notes == ("alpha of smooth materials is raised to 0.001 (1 materials)",)
@@ -167,7 +171,9 @@ def test_a_primitive_without_material_is_white_metal(tmp_path):
 )
 def test_alpha_removes_or_is_opaque(tmp_path, mode, alpha, cutoff, kept):
     maker = simple()
-    maker.root["materials"] = [{"alphaMode": mode, "alphaCutoff": cutoff, PBR: {"baseColorFactor": [1, 1, 1, alpha], "metallicFactor": 0}}]
+    maker.root["materials"] = [
+        {"alphaMode": mode, "alphaCutoff": cutoff, PBR: {"baseColorFactor": [1, 1, 1, alpha], "metallicFactor": 0}}
+    ]
     if mode != "MASK":
         del maker.root["materials"][0]["alphaCutoff"]
     scene = read_gltf(maker.save(tmp_path))
@@ -295,7 +301,16 @@ def test_text_gltf_finds_its_buffer_beside_it_and_nowhere_else(tmp_path):
     assert scene.name == "scene"
     assert len(scene.meshes) == 1
     assert len(read_gltf(written("data:;base64," + base64.b64encode(maker.binary).decode())).meshes) == 1
-    for uri in ("../secret.bin", "%2e%2e/secret.bin", str(tmp_path / "secret.bin"), "file:///etc/passwd", "http://x/y", "link.bin", "", "."):
+    for uri in (
+        "../secret.bin",
+        "%2e%2e/secret.bin",
+        str(tmp_path / "secret.bin"),
+        "file:///etc/passwd",
+        "http://x/y",
+        "link.bin",
+        "",
+        ".",
+    ):
         with pytest.raises(SceneError, match="external URI"):
             read_gltf(written(uri))
 

@@ -107,7 +107,9 @@ def test_integers_and_floats_of_one_value_are_one_number():
 def test_hash_is_the_same_in_another_process():
     code = "import renderers; print(renderers.load_scene('cornell-box').hash)"
     hashes = {
-        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, env={"PYTHONHASHSEED": seed}).stdout
+        subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True, env={"PYTHONHASHSEED": seed}
+        ).stdout
         for seed in ("1", "2")
     }
     assert len(hashes) == 1
