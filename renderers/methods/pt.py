@@ -1,6 +1,6 @@
 """Path tracing with Mitsuba 3: the yardstick that every method's speed against error is read from.
 
-Unidirectional path tracing, light and BRDF sampling combined by multiple importance sampling (Veach 1997), Russian roulette from depth 5.
+Unidirectional, light and BRDF sampling combined by multiple importance sampling (Veach 1997), Russian roulette from depth 5.
 The image is the mean of `spp` paths a pixel; its error falls with 1/√spp, which everyone can scale.
 
     L = (1/spp) Σ_k  Le + Σ_bounces throughput · (w_light f cos L_light / p_light  +  w_brdf f cos L_hit / p_brdf)

@@ -17,7 +17,7 @@ LEAST_WIDTH = 1e-6
 
 
 class Spot(mi.Emitter):  # type: ignore[misc, name-defined]
-    """Plugin `luxmeter_spot`; properties position, axis (unit, the light's way), intensity_{r,g,b} in W/sr, cos_inner, cos_outer."""
+    """Plugin `luxmeter_spot`; properties position, axis (unit), intensity_{r,g,b} in W/sr, cos_inner, cos_outer."""
 
     def __init__(self, props: Any) -> None:
         mi.Emitter.__init__(self, props)

@@ -151,8 +151,8 @@ def _traced(
 def is_lit(world: World, transport: Transport) -> bool:
     """Whether an image of this transport can show anything at all."""
     if transport == "ambient-occlusion":
-        return bool(len(world.triangles))
-    lights = bool(len(world.triangles)) and any(np.any(light.intensity > 0) for light in world.lights)
+        return True
+    lights = any(np.any(light.intensity > 0) for light in world.lights)
     sky = world.environment is not None and any(world.environment.radiance)
     return lights or sky or bool(len(world.emissive))
 

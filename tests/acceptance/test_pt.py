@@ -14,7 +14,7 @@ import renderers
 from renderers.images import luminance
 from renderers.reference import render
 from renderers.scene.builder import SceneBuilder
-from renderers.scene.model import Lambert, PointLight, Scene
+from renderers.scene.model import Lambert, Scene
 
 pytestmark = pytest.mark.mitsuba
 
@@ -121,10 +121,8 @@ def test_settings_out_of_range_are_refused(pt: renderers.Method, bad: dict[str, 
         pt.Settings(**bad)
 
 
-def test_dark_and_empty_scenes_are_black(pt: renderers.Method) -> None:
-    dark, empty = SceneBuilder("dark"), SceneBuilder("empty")
-    dark.quad([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], dark.material(Lambert()))
-    empty.light(PointLight())
-    for b in (dark, empty):
-        b.camera((0, 1, 2), (0, 0, 0), 1.0)
-        assert not pt.render(b.build(), pt.Settings(spp=2), size=SIZE).layers["beauty"].any()
+def test_dark_scenes_are_black(pt: renderers.Method) -> None:
+    b = SceneBuilder("dark")
+    b.quad([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], b.material(Lambert()))
+    b.camera((0, 1, 2), (0, 0, 0), 1.0)
+    assert not pt.render(b.build(), pt.Settings(spp=2), size=SIZE).layers["beauty"].any()

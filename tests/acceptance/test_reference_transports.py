@@ -137,7 +137,7 @@ def corner(height: float) -> Scene:
 
 
 def test_ambient_occlusion_beside_a_long_wall() -> None:
-    """At distance d from a wall of height h, without ends, the sky's share is ½ (1 + d / √(d² + h²)); albedo and light don't count."""
+    """At distance d from an endless wall of height h, the sky's share is ½ (1 + d / √(d² + h²)); albedo and light don't count."""
     image, error = means(corner(1.0), "ambient-occlusion", (4, 4))
     expected = 0.5 * (1 + 0.5 / np.hypot(0.5, 1.0))
     assert abs(image.mean() - expected) < 5 * np.sqrt((error**2).mean() / 16) + 1e-3
