@@ -1,1 +1,20 @@
-"""TBD"""
+"""Images and result rows in; metrics, verdicts, tables, plots and a static HTML report out. Knows no queue and no HTTP.
+
+`compare` measures one image against one reference; `noise_floor` says what the reference's own noise would measure; `write` turns
+an evaluation folder (`reports.folder`) into a report that opens from disk. The metrics are defined once, in `reports.registry`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reports.comparison import compare, noise_floor
+
+__all__ = ["compare", "noise_floor", "write"]
+
+
+def write(folder: Path) -> Path:
+    """Write the report of an evaluation folder into it and return the path of `index.html`; see `reports.build.write`."""
+    from reports.build import write as build
+
+    return build(folder)

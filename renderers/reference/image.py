@@ -59,3 +59,26 @@ class Reference:
             return 0.0
         mean = float(luminance(self.image)[self.surface].mean())
         return float(np.sqrt(self.luminance_variance[self.surface].mean(dtype=np.float64)) / mean) if mean > 0 else 0.0
+
+    def interval(self, level: float = 0.95) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Confidence interval (low, high) of each pixel's mean luminance, float64 (H, W): Student's t, n - 1 degrees of freedom.
+
+        level lies in (0, 1). Raises ValueError otherwise.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"level must lie in (0, 1), got {level}")
+        from scipy.stats import t
+
+        mean = luminance(self.total) / self.n
+        half = float(t.ppf((1 + level) / 2, self.n - 1)) * np.sqrt(self.luminance_variance.astype(np.float64))
+        return mean - half, mean + half
+
+
+def exposure(reference: Reference) -> float:
+    """1 / 99th percentile of luminance over the pixels of `surface` (no emitter, no background); 1 for a black image.
+
+    Taken of the first `full` reference at frame 0 and then used for every image of the scene.
+    """
+    values = luminance(reference.image)[reference.surface]
+    white = float(np.percentile(values, 99)) if values.size else 0.0
+    return 1.0 / white if white > 0 else 1.0

@@ -17,6 +17,9 @@ def posed(scene: Scene, frame: int) -> Scene:
     parts: dict[str, list[Any]] = {"node": list(scene.nodes), "light": list(scene.lights), "camera": list(scene.cameras)}
     for channel in scene.channels:
         value = sample(channel, time)
+        if channel.path in ("intensity", "color"):
+            # a spline may overshoot below zero; light can't
+            value = np.maximum(value, 0.0)
         new: Any = float(value[0]) if len(value) == 1 else tuple(float(v) for v in value)
         parts[channel.target][channel.index] = replace(parts[channel.target][channel.index], **{channel.path: new})
     return replace(scene, nodes=tuple(parts["node"]), lights=tuple(parts["light"]), cameras=tuple(parts["camera"]), channels=())
@@ -55,8 +58,6 @@ def slerp(a: NDArray[np.float64], b: NDArray[np.float64], u: float) -> NDArray[n
     if dot < 0:
         b, dot = -b, -dot
     angle = np.arccos(min(dot, 1.0))
-    if angle < 1e-6:
-        value = (1 - u) * a + u * b
-    else:
-        value = (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
+    straight = angle < 1e-6
+    value = (1 - u) * a + u * b if straight else (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
     return np.asarray(value / np.linalg.norm(value))

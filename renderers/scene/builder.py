@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -17,6 +19,7 @@ from renderers.scene.model import (
     Scene,
     Vector,
 )
+from renderers.scene.shapes import Shape
 
 
 class SceneBuilder:
@@ -51,6 +54,20 @@ class SceneBuilder:
             normals = np.repeat(flat, 3, axis=0)
         self.meshes.append(Mesh(name, p, np.asarray(normals, np.float32), t, material))
         return len(self.meshes) - 1
+
+    def shape(self, shape: Shape, material: int, name: str = "") -> int:
+        """Add a mesh from (positions, normals, triangles); place it with `node(meshes=(index,))`, as often as wanted."""
+        self.meshes.append(Mesh(name, *shape, material))
+        return len(self.meshes) - 1
+
+    def place(self, shape: Shape, material: int, name: str = "", **parts: object) -> int:
+        """Add a mesh from (positions, normals, triangles) and place it once; `parts` are fields of its Node."""
+        return self.node(name=name, meshes=(self.shape(shape, material, name),), **parts)
+
+    def animate(self, node: int, path: Literal["translation", "rotation", "scale"], times: ArrayLike, values: ArrayLike) -> None:
+        """Linear keys of one node property: times in seconds (K,), values (K, C)."""
+        keys = np.asarray(times, np.float64), np.asarray(values, np.float64)
+        self.channels.append(Channel("node", node, path, *keys))
 
     def node(self, **parts: object) -> int:
         """Add a node (fields of Node)."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import fields, is_dataclass
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +19,7 @@ def hash_of(scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def _feed(digest: Any, value: object) -> None:
+def _feed(digest: hashlib._Hash, value: object) -> None:
     if is_dataclass(value):
         digest.update(f"<{type(value).__name__}>".encode())
         for item in fields(value):
@@ -35,9 +34,10 @@ def _feed(digest: Any, value: object) -> None:
         digest.update(f"({len(value)}".encode())
         for entry in value:
             _feed(digest, entry)
-    elif isinstance(value, bool | int | str) or value is None:
+    elif isinstance(value, bool | str) or value is None:
         digest.update(f"{type(value).__name__}:{value}".encode())
-    elif isinstance(value, float | np.floating):
-        digest.update(f"f:{float(value).hex()}".encode())
+    elif isinstance(value, int | float | np.integer | np.floating):
+        # 1 and 1.0 are the same number, whoever wrote it
+        digest.update(f"n:{float(value).hex()}".encode())
     else:
         raise TypeError(f"can't hash {type(value).__name__}")

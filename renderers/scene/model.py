@@ -2,7 +2,8 @@
 
 Conventions (all of them tested): metres, right-handed, +Y up, column vectors; a camera looks along its own -Z with +Y up, and
 so do spot and directional lights shine along their own -Z (glTF 2.0). Colours are linear Rec.709 RGB. Radiance is in
-W·sr⁻¹·m⁻², intensity of point and spot lights in W·sr⁻¹, of directional lights in W·m⁻². Rotations are unit quaternions (x, y, z, w).
+W·sr⁻¹·m⁻², intensity of point and spot lights in W·sr⁻¹, of directional lights in W·m⁻². Rotations are unit quaternions
+(x, y, z, w).
 
 A Scene holds what a file says (node tree, instances, animation). Renderers do not walk it: they read `scene.world(frame)`, the
 flattened and normalised view of one frame (see `world.py`).
@@ -66,7 +67,7 @@ class Lambert:
 
 @dataclass(frozen=True)
 class Phong:
-    """f = diffuse / π + specular · (n + 2) / (2π) · max(0, r·ω_o)ⁿ, r the mirror of ω_i: energy-normalised (Lafortune & Willems 1994)."""
+    """f = diffuse / π + specular · (n + 2) / (2π) · max(0, r·ω_o)ⁿ, r the mirror of ω_i (Lafortune & Willems 1994)."""
 
     name: str = ""
     diffuse: Color = (0.5, 0.5, 0.5)
@@ -144,7 +145,10 @@ class DirectionalLight:
 
 @dataclass(frozen=True)
 class DiscLight:
-    """Disc of `radius` metres in the node's XY plane, emitting `color × intensity` W·sr⁻¹·m⁻² along -Z; flattened into triangles of exact area."""
+    """Disc of `radius` metres in the node's XY plane, emitting `color × intensity` W·sr⁻¹·m⁻² along -Z.
+
+    Flattened into triangles whose area is exactly that of the disc.
+    """
 
     name: str = ""
     color: Color = WHITE
@@ -169,7 +173,7 @@ Light = PointLight | SpotLight | DirectionalLight | DiscLight | SphereLight
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole, square pixels; `yfov` is the full vertical angle in radians. Clip planes of files are ignored: they follow the bounds."""
+    """Pinhole, square pixels; `yfov` is the full vertical angle in radians. Clip planes follow the bounds, not the file."""
 
     name: str = ""
     yfov: float = 0.8

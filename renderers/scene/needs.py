@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderers.scene.model import (
+    Channel,
     DirectionalLight,
     DiscLight,
     Lambert,
@@ -60,21 +61,30 @@ def _material_needs(material: Material) -> set[str]:
 
 def _animation_needs(scene: Scene) -> set[str]:
     found = set()
-    moving = {c.index for c in scene.channels if c.target == "node" and np.ptp(c.values, axis=0).any()}
+    moving = {c.index for c in scene.channels if c.target == "node" and _moves(c)}
     for index, node in enumerate(scene.nodes):
         ancestor: int | None = index
         while ancestor is not None and ancestor not in moving:
             ancestor = scene.nodes[ancestor].parent
         if ancestor is None:
             continue
-        if any(any(scene.materials[scene.meshes[i].material].emission) for i in node.meshes) or node.light is not None:
+        shines = any(any(scene.materials[scene.meshes[i].material].emission) for i in node.meshes)
+        if shines or node.light is not None:
             found.add("animated_light")
         if node.meshes:
             found.add("animated_geometry")
         if node.camera is not None:
             found.add("animated_camera")
-    if any(c.target == "light" for c in scene.channels):
+    if any(c.target == "light" and _moves(c) for c in scene.channels):
         found.add("animated_light")
-    if any(c.target == "camera" for c in scene.channels):
+    if any(c.target == "camera" and _moves(c) for c in scene.channels):
         found.add("animated_camera")
     return found
+
+
+def _moves(channel: Channel) -> bool:
+    """Whether the value ever changes: keys differ, or a spline between equal keys swings out."""
+    keys = channel.values
+    if channel.interpolation != "CUBICSPLINE":
+        return bool(np.ptp(keys, axis=0).any())
+    return bool(np.ptp(keys[:, 1], axis=0).any() or (len(keys) > 1 and keys[:, [0, 2]].any()))

@@ -1,4 +1,4 @@
-"""Triangles of simple shapes: (positions float32 (V, 3), normals float32 (V, 3), triangles uint32 (T, 3)), counter-clockwise outside."""
+"""Triangles of simple shapes: positions float32 (V, 3), normals float32 (V, 3), triangles uint32 (T, 3), front outside."""
 
 from __future__ import annotations
 

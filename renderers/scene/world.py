@@ -1,9 +1,9 @@
 """The World: one frame of a Scene, flattened to world space and normalised. The one thing renderers read.
 
-Normalised means: the centre of the scene's rest-pose bounding box lies at the origin and half its diagonal is 1. Ray offsets of Mitsuba are
-absolute near the origin, float32 positions lose digits far from it, and every relative tolerance becomes a plain number; so the
-normalisation happens once, here, for GL, ray casting and Mitsuba alike. Intensities of point and spot lights are multiplied by
-scale²; radiance and irradiance don't change, so images are those of the scene in metres.
+Normalised means: the centre of the scene's rest-pose bounding box lies at the origin and half its diagonal is 1. Ray offsets of
+Mitsuba are absolute near the origin, float32 positions lose digits far from it, and every relative tolerance becomes a plain
+number; so the normalisation happens once, here, for GL, ray casting and Mitsuba alike. Intensities of point and spot lights are
+multiplied by scale²; radiance and irradiance don't change, so images are those of the scene in metres.
 
     p_world = (p_metres - centre) · scale,        scale = 1 / half diagonal
 """
@@ -16,13 +16,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from renderers.scene.geometry import crosses, degenerate
 from renderers.scene.model import (
     GGX,
+    Color,
     DirectionalLight,
     DiscLight,
     Environment,
     Lambert,
-    Node,
+    Material,
+    Mesh,
     Phong,
     PointLight,
     Scene,
@@ -32,6 +35,23 @@ from renderers.scene.model import (
     Texture,
 )
 from renderers.scene.shapes import disc, sphere
+from renderers.scene.transforms import global_matrices, local_matrix, rest_bounds, rotation_matrix
+
+__all__ = [
+    "ALPHA_MIN",
+    "GGX_KIND",
+    "LAMBERT",
+    "PHONG",
+    "MaterialTable",
+    "World",
+    "WorldCamera",
+    "WorldLight",
+    "flatten",
+    "global_matrices",
+    "local_matrix",
+    "rest_bounds",
+    "rotation_matrix",
+]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -44,8 +64,8 @@ ALPHA_MIN = 1e-3
 class MaterialTable:
     """Materials as arrays, one row a material (M rows).
 
-    kind: LAMBERT, PHONG or GGX_KIND. base (M, 3): albedo, Phong diffuse or base colour. specular (M, 3) and exponent (M,): Phong only.
-    metallic (M,), alpha (M,): GGX only, alpha = max(roughness², ALPHA_MIN). texture (M,): index into World.textures or -1.
+    kind: LAMBERT, PHONG or GGX_KIND. base (M, 3): albedo, Phong diffuse or base colour. specular (M, 3) and exponent (M,): Phong
+    only. metallic (M,), alpha (M,): GGX only, alpha = max(roughness², ALPHA_MIN). texture (M,): index into World.textures or -1.
     emission (M, 3); emits_both (M,): emission from the back as well.
     """
 
@@ -84,7 +104,7 @@ class WorldCamera:
     yfov: float
 
     def rays(self, size: tuple[int, int], offset: tuple[float, float] = (0.5, 0.5)) -> tuple[F64, F64]:
-        """Origins and unit directions, float64 (H, W, 3) each, through pixel (column + offset[0], row + offset[1]); row 0 on top."""
+        """Origins and unit directions, float64 (H, W, 3) each, through (column + offset[0], row + offset[1]); row 0 on top."""
         width, height = size
         tan = np.tan(self.yfov / 2)
         x = ((np.arange(width) + offset[0]) / width * 2 - 1) * tan * width / height
@@ -124,18 +144,17 @@ class World:
 
     @cached_property
     def face_normals(self) -> F64:
-        """Unit geometric normals, float64 (T, 3); zero-area triangles don't occur (dropped on load)."""
+        """Unit geometric normals, float64 (T, 3); zero-area triangles don't occur (`flatten` drops them)."""
         return np.asarray(self._cross / np.linalg.norm(self._cross, axis=-1, keepdims=True))
 
     @cached_property
     def _cross(self) -> F64:
-        p = self.positions[self.triangles].astype(np.float64)
-        return np.asarray(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
+        return crosses(self.positions, self.triangles)
 
     @cached_property
     def emissive(self) -> I32:
         """Indices of emissive triangles, int32 (E,)."""
-        lit = self.materials.emission.any(axis=1)
+        lit = np.any(self.materials.emission > 0, axis=1)
         return np.flatnonzero(lit[self.material]).astype(np.int32)
 
     @cached_property
@@ -149,99 +168,101 @@ class World:
 
 
 def flatten(scene: Scene, frame: int) -> World:
-    """World of `scene` at `frame`. Raises SceneError without a camera."""
+    """World of `scene` at `frame`. Raises SceneError for a scene without geometry or camera."""
     centre, radius = rest_bounds(scene)
     posed = scene.at(frame)
     matrices = global_matrices(posed.nodes)
     materials = list(posed.materials)
-    parts, lights = [], []
+    parts: list[_Part] = []
+    lights: list[WorldLight] = []
     scale = 1.0 / radius
     for node, matrix in zip(posed.nodes, matrices, strict=True):
-        for index in node.meshes:
-            mesh = posed.meshes[index]
-            parts.append((_placed(mesh.positions, mesh.normals, mesh.triangles, mesh.uvs, matrix, centre, scale), mesh.material))
-        if node.light is not None:
-            light = posed.lights[node.light]
-            emission = tuple(c * light.intensity for c in light.color)
-            if isinstance(light, DiscLight | SphereLight):
-                shape = disc(light.radius) if isinstance(light, DiscLight) else sphere(light.radius)
-                parts.append((_placed(*shape, None, matrix, centre, scale), len(materials)))
-                materials.append(Lambert(light.name, albedo=(0.0, 0.0, 0.0), emission=emission, double_sided=False))  # type: ignore[arg-type]
-            else:
-                lights.append(_placed_light(light, matrix, centre, scale))
-    arrays = _joined(parts)
+        parts += [_placed(posed.meshes[index], matrix, centre, scale) for index in node.meshes]
+        light = None if node.light is None else posed.lights[node.light]
+        if isinstance(light, DiscLight | SphereLight):
+            parts.append(_placed(_surface(light, len(materials)), matrix, centre, scale))
+            materials.append(_emitter(light))
+        elif light is not None:
+            lights.append(_placed_light(light, matrix, centre, scale))
+    if not any(len(part.triangles) for part in parts):
+        raise SceneError(f"{scene.name}: scene has no geometry")
+    positions = np.concatenate([p.positions for p in parts])
+    if not np.isfinite(positions).all():
+        raise SceneError(f"{scene.name}: frame {frame}: positions are not finite")
     return World(
-        **arrays, materials=_table(materials), textures=posed.textures, lights=tuple(lights), environment=posed.environment,
-        camera=_camera(posed, matrices, centre, scale), centre=centre, scale=scale,
-    )  # fmt: skip
+        positions=positions,
+        normals=np.concatenate([p.normals for p in parts]),
+        uvs=np.concatenate([p.uvs for p in parts]),
+        triangles=_joined_triangles(parts),
+        material=np.concatenate([np.full(len(p.triangles), p.material, np.int32) for p in parts]),
+        instance=np.concatenate([np.full(len(p.triangles), i, np.int32) for i, p in enumerate(parts)]),
+        materials=_table(materials),
+        textures=posed.textures,
+        lights=tuple(lights),
+        environment=posed.environment,
+        camera=_camera(posed, matrices, centre, scale),
+        centre=centre,
+        scale=scale,
+    )
 
 
-def global_matrices(nodes: tuple[Node, ...]) -> list[F64]:
-    """Local-to-world matrix, float64 (4, 4), of every node; parents may come after children."""
-    done: dict[int, F64] = {}
-    for start in range(len(nodes)):
-        chain = [start]
-        while chain[-1] not in done:
-            parent = nodes[chain[-1]].parent
-            if parent is None:
-                done[chain[-1]] = local_matrix(nodes[chain[-1]])
-            else:
-                chain.append(parent)
-        for index in reversed(chain[:-1]):
-            parent = nodes[index].parent
-            if index not in done and parent is not None:
-                done[index] = done[parent] @ local_matrix(nodes[index])
-    return [done[i] for i in range(len(nodes))]
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One placed mesh in World coordinates."""
+
+    positions: F32
+    normals: F32
+    uvs: F32
+    triangles: I32
+    material: int
 
 
-def local_matrix(node: Node) -> F64:
-    """Matrix of one node alone, float64 (4, 4)."""
-    if node.matrix is not None:
-        return np.array(node.matrix, np.float64).reshape(4, 4).T
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation_matrix(node.rotation) * np.array(node.scale)
-    matrix[:3, 3] = node.translation
-    return matrix
-
-
-def rotation_matrix(quaternion: tuple[float, float, float, float]) -> F64:
-    """Rotation (3, 3) of a quaternion (x, y, z, w), normalised here."""
-    x, y, z, w = np.array(quaternion, np.float64) / np.linalg.norm(quaternion)
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
-
-
-def rest_bounds(scene: Scene) -> tuple[F64, float]:
-    """Centre (3,) and half diagonal in metres of the unanimated geometry's bounding box; (0, 1) for an empty scene."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    boxes = [(m.positions.min(axis=0), m.positions.max(axis=0)) for m in scene.meshes]
-    for node, matrix in zip(scene.nodes, global_matrices(scene.nodes), strict=True):
-        for index in node.meshes:
-            corners = np.array(np.meshgrid(*zip(*boxes[index], strict=True))).reshape(3, -1).T.astype(np.float64)
-            placed = corners @ matrix[:3, :3].T + matrix[:3, 3]
-            low, high = np.minimum(low, placed.min(axis=0)), np.maximum(high, placed.max(axis=0))
-    if not np.all(low <= high):
-        return np.zeros(3), 1.0
-    radius = float(np.linalg.norm(high - low) / 2)
-    return (low + high) / 2, radius if radius > 0 else 1.0
-
-
-def _placed(positions, normals, triangles, uvs, matrix, centre, scale):  # type: ignore[no-untyped-def]
+def _placed(mesh: Mesh, matrix: F64, centre: F64, scale: float) -> _Part:
     linear = matrix[:3, :3]
-    world = ((positions.astype(np.float64) @ linear.T + matrix[:3, 3] - centre) * scale).astype(np.float32)
-    turned = normals.astype(np.float64) @ np.linalg.inv(linear)
-    turned /= np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-300)
-    if np.linalg.det(linear) < 0:
+    positions = ((mesh.positions.astype(np.float64) @ linear.T + matrix[:3, 3] - centre) * scale).astype(np.float32)
+    triangles = mesh.triangles.astype(np.int32)
+    # Normals turn with the cofactor matrix det(M) · M⁻ᵀ, which exists for flattened and vanished instances as well: its columns are
+    # cross products of those of M. A mirror turns the winding round, so that the front stays in front.
+    a, b, c = linear.T
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    mirrored = float(a @ np.cross(b, c)) < 0
+    turned = mesh.normals.astype(np.float64) @ (-cofactors if mirrored else cofactors).T
+    if mirrored:
         triangles = triangles[:, ::-1]
-    uvs = np.zeros((len(positions), 2), np.float32) if uvs is None else uvs
-    return world, turned.astype(np.float32), triangles.astype(np.int32), uvs
+    # what has no area in normalised float32 (an instance scaled to nothing) can't be seen and has no normal
+    triangles = np.ascontiguousarray(triangles[~degenerate(positions, triangles)])
+    uvs = np.zeros((len(positions), 2), np.float32) if mesh.uvs is None else mesh.uvs
+    return _Part(positions, _unit(turned).astype(np.float32), uvs, triangles, mesh.material)
+
+
+def _unit(vectors: F64) -> F64:
+    """Unit vectors (N, 3), float64; zero ones, of instances without volume or area, become +Y."""
+    largest = np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
+    safe = np.where(largest > 0, vectors / np.where(largest > 0, largest, 1.0), [0.0, 1.0, 0.0])
+    return np.asarray(safe / np.linalg.norm(safe, axis=1, keepdims=True))
+
+
+def _surface(light: DiscLight | SphereLight, material: int) -> Mesh:
+    positions, normals, triangles = disc(light.radius) if isinstance(light, DiscLight) else sphere(light.radius)
+    return Mesh(light.name, positions, normals, triangles, material)
+
+
+def _emitter(light: DiscLight | SphereLight) -> Lambert:
+    red, green, blue = light.color
+    emission: Color = (red * light.intensity, green * light.intensity, blue * light.intensity)
+    return Lambert(light.name, albedo=(0.0, 0.0, 0.0), emission=emission, double_sided=False)
+
+
+def _joined_triangles(parts: list[_Part]) -> I32:
+    base, joined = 0, []
+    for part in parts:
+        joined.append(part.triangles + np.int32(base))
+        base += len(part.positions)
+    return np.concatenate(joined)
 
 
 def _placed_light(light: PointLight | SpotLight | DirectionalLight, matrix: F64, centre: F64, scale: float) -> WorldLight:
-    direction = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+    direction = -_unit(matrix[None, :3, 2])[0]
     position = (matrix[:3, 3] - centre) * scale
     intensity = np.array(light.color, np.float64) * light.intensity
     if isinstance(light, DirectionalLight):
@@ -252,37 +273,18 @@ def _placed_light(light: PointLight | SpotLight | DirectionalLight, matrix: F64,
     return WorldLight("spot", position, direction, intensity, float(np.cos(light.inner_angle)), float(np.cos(light.outer_angle)))
 
 
-def _joined(parts):  # type: ignore[no-untyped-def]
-    counts = np.cumsum([0] + [len(p[0]) for p, _ in parts])
-
-    def stack(k: int, width: int, dtype: type) -> NDArray:  # type: ignore[type-arg]
-        return np.concatenate([p[k] for p, _ in parts]) if parts else np.zeros((0, width), dtype)
-
-    triangles = [p[2] + base for (p, _), base in zip(parts, counts, strict=False)]
-    sizes = [len(p[2]) for p, _ in parts]
-    return {
-        "positions": stack(0, 3, np.float32),
-        "normals": stack(1, 3, np.float32),
-        "uvs": stack(3, 2, np.float32),
-        "triangles": np.concatenate(triangles).astype(np.int32) if parts else np.zeros((0, 3), np.int32),
-        "material": np.repeat([m for _, m in parts], sizes).astype(np.int32),
-        "instance": np.repeat(np.arange(len(parts)), sizes).astype(np.int32),
-    }
-
-
-def _table(materials: list[Lambert | Phong | GGX]) -> MaterialTable:
-    def column(get, shape=()):  # type: ignore[no-untyped-def]
-        return np.array([get(m) for m in materials], np.float32).reshape((len(materials), *shape))
-
-    kinds = {Lambert: LAMBERT, Phong: PHONG, GGX: GGX_KIND}
+def _table(materials: list[Material]) -> MaterialTable:
+    black = (0.0, 0.0, 0.0)
+    base = [m.albedo if isinstance(m, Lambert) else m.diffuse if isinstance(m, Phong) else m.base_color for m in materials]
+    kinds = [LAMBERT if isinstance(m, Lambert) else PHONG if isinstance(m, Phong) else GGX_KIND for m in materials]
     return MaterialTable(
-        kind=np.array([kinds[type(m)] for m in materials], np.int32),
-        base=column(lambda m: m.albedo if isinstance(m, Lambert) else m.diffuse if isinstance(m, Phong) else m.base_color, (3,)),
-        specular=column(lambda m: m.specular if isinstance(m, Phong) else (0, 0, 0), (3,)),
-        exponent=column(lambda m: m.exponent if isinstance(m, Phong) else 0),
-        metallic=column(lambda m: m.metallic if isinstance(m, GGX) else 0),
-        alpha=column(lambda m: max(m.roughness**2, ALPHA_MIN) if isinstance(m, GGX) else 1),
-        emission=column(lambda m: m.emission, (3,)),
+        kind=np.array(kinds, np.int32),
+        base=np.array(base, np.float32).reshape(-1, 3),
+        specular=np.array([m.specular if isinstance(m, Phong) else black for m in materials], np.float32).reshape(-1, 3),
+        exponent=np.array([m.exponent if isinstance(m, Phong) else 0.0 for m in materials], np.float32),
+        metallic=np.array([m.metallic if isinstance(m, GGX) else 0.0 for m in materials], np.float32),
+        alpha=np.array([max(m.roughness**2, ALPHA_MIN) if isinstance(m, GGX) else 1.0 for m in materials], np.float32),
+        emission=np.array([m.emission for m in materials], np.float32).reshape(-1, 3),
         emits_both=np.array([m.double_sided for m in materials], bool),
         texture=np.array([-1 if m.texture is None else m.texture for m in materials], np.int32),
     )
@@ -293,7 +295,16 @@ def _camera(scene: Scene, matrices: list[F64], centre: F64, scale: float) -> Wor
     if not placed:
         raise SceneError(f"{scene.name}: scene has no camera")
     index, matrix = placed[0]
-    rotation = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, (matrix[:3, 3] - centre) * scale
+    pose[:3, :3], pose[:3, 3] = _rigid(matrix[:3, :3]), (matrix[:3, 3] - centre) * scale
     return WorldCamera(pose, scene.cameras[index].yfov)
+
+
+def _rigid(linear: F64) -> F64:
+    """Right-handed orthonormal axes (3, 3): view axis and up of a camera's node, cleared of scale, shear and mirroring."""
+    back = _unit(linear[None, :, 2])[0]
+    up = linear[:, 1] - (linear[:, 1] @ back) * back
+    if not np.linalg.norm(up) > 1e-9 * np.linalg.norm(linear):
+        raise SceneError("camera: its node's scale leaves no direction to look in")
+    up /= np.linalg.norm(up)
+    return np.stack([np.cross(up, back), up, back], axis=1)

@@ -1,0 +1,176 @@
+"""numba kernels of the VPL gather. Lights are rows of one float32 array (9, L): x, y, z, normal, intensity (structure of arrays).
+
+Each pixel adds up its lights in one fixed order (blocks of BLOCK lights, float32 inside a block, float64 across blocks), and only
+pixels are spread over threads: the same bytes at any thread count. `fastmath` lets the compiler add a block in vector lanes; that
+order is fixed by the compiled code, so bytes may differ between kinds of CPU but not between runs.
+
+One pair:  G_b = max(0, n_x·v) max(0, -n_y·v) / (r² max(ε_b, r²)),  v = y - x,  r² = v·v  (the two cosines still unnormalised).
+Pairs closer than SAFE_R2 (1e-9 of the world's size, under float32's resolution of a coordinate) give 0.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from renderers.scene.world import GGX_KIND, LAMBERT, PHONG
+from renderers.transport.brdf import ggx_lobe_scalar, phong_lobe_scalar, schlick_scalar
+
+BLOCK = 1024
+TILE = 64
+SAFE_R2 = np.float32(1e-18)
+ZERO = np.float32(0)
+ONE = np.float32(1)
+
+
+@numba.njit(inline="always")
+def _geometry(px, py, pz, nx, ny, nz, lights, j, eps_b):  # type: ignore[no-untyped-def]
+    """G_b of one pixel and light; lights is the (9, L) array."""
+    vx, vy, vz = lights[0, j] - px, lights[1, j] - py, lights[2, j] - pz
+    r2 = vx * vx + vy * vy + vz * vz
+    cx = max(ZERO, nx * vx + ny * vy + nz * vz)
+    cy = max(ZERO, -(lights[3, j] * vx + lights[4, j] * vy + lights[5, j] * vz))
+    safe = max(r2, SAFE_R2)
+    return cx * cy / (safe * max(eps_b, safe)) if r2 > SAFE_R2 else ZERO
+
+
+@numba.njit(parallel=True, fastmath=True, cache=True)
+def gather_lambert(position, normal, lights, eps_b, out):  # type: ignore[no-untyped-def]
+    """out (P, 3) float64 += Σ G_b I; position, normal float32 (P, 3). The caller multiplies by ρ/π."""
+    count, total = len(position), lights.shape[1]
+    for tile in numba.prange((count + TILE - 1) // TILE):
+        for start in range(0, total, BLOCK):
+            stop = min(start + BLOCK, total)
+            x, y, z = lights[0, start:stop], lights[1, start:stop], lights[2, start:stop]
+            a, b, c = lights[3, start:stop], lights[4, start:stop], lights[5, start:stop]
+            red, green, blue = lights[6, start:stop], lights[7, start:stop], lights[8, start:stop]
+            for i in range(tile * TILE, min(tile * TILE + TILE, count)):
+                px, py, pz = position[i, 0], position[i, 1], position[i, 2]
+                nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+                sr = sg = sb = ZERO
+                for j in range(stop - start):
+                    vx, vy, vz = x[j] - px, y[j] - py, z[j] - pz
+                    r2 = vx * vx + vy * vy + vz * vz
+                    cx = max(ZERO, nx * vx + ny * vy + nz * vz)
+                    cy = max(ZERO, -(a[j] * vx + b[j] * vy + c[j] * vz))
+                    safe = max(r2, SAFE_R2)
+                    g = cx * cy / (safe * max(eps_b, safe))
+                    g = g if r2 > SAFE_R2 else ZERO
+                    sr += g * red[j]
+                    sg += g * green[j]
+                    sb += g * blue[j]
+                out[i, 0] += sr
+                out[i, 1] += sg
+                out[i, 2] += sb
+
+
+@numba.njit(inline="always")
+def _shade(kind, base, specular, exponent, metallic, alpha, n, v, light, weight, out):  # type: ignore[no-untyped-def]
+    """out (3,) += f(light, v) · weight (3,); n, v, light: unit tuples of float64."""
+    nl = n[0] * light[0] + n[1] * light[1] + n[2] * light[2]
+    nv = n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
+    if nl <= 0 or nv <= 0:
+        return
+    lobe, fresnel = 0.0, 0.0
+    if kind == PHONG:
+        lv = light[0] * v[0] + light[1] * v[1] + light[2] * v[2]
+        lobe = phong_lobe_scalar(exponent, 2 * nl * nv - lv)
+    elif kind == GGX_KIND:
+        hx, hy, hz = light[0] + v[0], light[1] + v[1], light[2] + v[2]
+        length = max(np.sqrt(hx * hx + hy * hy + hz * hz), 1e-12)
+        hx, hy, hz = hx / length, hy / length, hz / length
+        sx, sy, sz = n[1] * hz - n[2] * hy, n[2] * hx - n[0] * hz, n[0] * hy - n[1] * hx
+        nh = n[0] * hx + n[1] * hy + n[2] * hz
+        lobe = ggx_lobe_scalar(alpha, nl, nv, nh, sx * sx + sy * sy + sz * sz)
+        fresnel = schlick_scalar(v[0] * hx + v[1] * hy + v[2] * hz)
+    for c in range(3):
+        if kind == GGX_KIND:
+            f0 = 0.04 * (1 - metallic) + base[c] * metallic
+            f = f0 + (1 - f0) * fresnel
+            value = (1 - f) * base[c] * (1 - metallic) / np.pi + f * lobe
+        else:
+            value = base[c] / np.pi + specular[c] * lobe
+        out[c] += value * weight[c]
+
+
+@numba.njit(parallel=True, cache=True)
+def gather_general(position, normal, view, kind, base, specular, exponent, metallic, alpha, lights, eps_b, out):  # type: ignore[no-untyped-def]
+    """out (P, 3) float64 += Σ f G_b I for any BRDF; per-pixel parameters as in `brdf.Materials`, view float64 (P, 3) unit."""
+    for i in numba.prange(len(position)):
+        n = (float(normal[i, 0]), float(normal[i, 1]), float(normal[i, 2]))
+        v = (view[i, 0], view[i, 1], view[i, 2])
+        weight = np.empty(3)
+        for j in range(lights.shape[1]):
+            g = _geometry(
+                position[i, 0], position[i, 1], position[i, 2], normal[i, 0], normal[i, 1], normal[i, 2], lights, j, eps_b
+            )
+            if g > ZERO:
+                dx, dy, dz = (
+                    float(lights[0, j] - position[i, 0]),
+                    float(lights[1, j] - position[i, 1]),
+                    float(lights[2, j] - position[i, 2]),
+                )
+                r = np.sqrt(dx * dx + dy * dy + dz * dz)
+                for c in range(3):
+                    weight[c] = g * lights[6 + c, j]
+                _shade(
+                    kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i],
+                    n, v, (dx / r, dy / r, dz / r), weight, out[i],
+                )  # fmt: skip
+
+
+@numba.njit(nogil=True, cache=True)
+def facing_pairs(position, normal, geometric, lights, first, last, offset, pairs, origins, directions):  # type: ignore[no-untyped-def]
+    """Fill pairs (pixel, light) with G_b > 0 and their shadow rays; returns how many.
+
+    Rays start `offset` off the receiver and end `offset` off the light, both along geometric normals; directions are unnormalised:
+    distance 1 is the light. Order: light by light, pixels in order.
+    """
+    count = 0
+    for j in range(first, last):
+        for i in range(len(position)):
+            vx, vy, vz = lights[0, j] - position[i, 0], lights[1, j] - position[i, 1], lights[2, j] - position[i, 2]
+            if vx * vx + vy * vy + vz * vz <= SAFE_R2:
+                continue
+            if normal[i, 0] * vx + normal[i, 1] * vy + normal[i, 2] * vz <= ZERO:
+                continue
+            if lights[3, j] * vx + lights[4, j] * vy + lights[5, j] * vz >= ZERO:
+                continue
+            outside = geometric[i, 0] * vx + geometric[i, 1] * vy + geometric[i, 2] * vz >= ZERO
+            side = offset if outside else -offset
+            for c in range(3):
+                start = position[i, c] + side * geometric[i, c]
+                origins[count, c] = start
+                directions[count, c] = lights[c, j] + offset * lights[3 + c, j] - start
+            pairs[count, 0], pairs[count, 1] = i, j
+            count += 1
+    return count
+
+
+@numba.njit(nogil=True, cache=True)
+def add_visible(position, normal, view, kind, base, specular, exponent, metallic, alpha, lights, eps_b, pairs, blocked, out):  # type: ignore[no-untyped-def]
+    """out (P, 3) float64 += f G_b I over the pairs that aren't blocked; arrays as in `gather_general`."""
+    weight = np.empty(3)
+    for k in range(len(pairs)):
+        if blocked[k]:
+            continue
+        i, j = pairs[k, 0], pairs[k, 1]
+        g = _geometry(position[i, 0], position[i, 1], position[i, 2], normal[i, 0], normal[i, 1], normal[i, 2], lights, j, eps_b)
+        for c in range(3):
+            weight[c] = g * lights[6 + c, j]
+        if kind[i] == LAMBERT:
+            for c in range(3):
+                out[i, c] += base[i, c] / np.pi * weight[c]
+            continue
+        dx, dy, dz = (
+            float(lights[0, j] - position[i, 0]),
+            float(lights[1, j] - position[i, 1]),
+            float(lights[2, j] - position[i, 2]),
+        )
+        r = np.sqrt(dx * dx + dy * dy + dz * dz)
+        n = (float(normal[i, 0]), float(normal[i, 1]), float(normal[i, 2]))
+        v = (view[i, 0], view[i, 1], view[i, 2])
+        _shade(
+            kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i],
+            n, v, (dx / r, dy / r, dz / r), weight, out[i],
+        )  # fmt: skip

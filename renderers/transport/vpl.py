@@ -1,0 +1,67 @@
+"""Virtual point lights of one bounce (Keller 1997): area-uniform surface points that re-emit the direct light they receive.
+
+    I = ρ/π · E · |S| / N        E direct irradiance, shadowed; density of the points 1/|S|
+
+Surfaces are two-sided, so a point may become two VPLs, one for each lit side; each emits as a Lambertian into the hemisphere of the
+geometric normal of its side, and receives with the shading normal turned to that side. Glossy surfaces re-emit as diffuse ones of
+their mean albedo. Emission is direct light and makes no VPL.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.scene.world import LAMBERT, World
+from renderers.transport.brdf import materials_at, mean_albedo
+from renderers.transport.direct import irradiance
+from renderers.transport.sampling import Sampler, surface_points
+from renderers.transport.surface import surface_at, turned
+
+
+@dataclass(frozen=True, eq=False)
+class Vpls:
+    """Lit VPLs in World units: positions, normals (geometric, of the lit side), intensities: float32 (L, 3); index int64 (L,).
+
+    `index` is the number of the drawn point, 0 … drawn-1; points without light on a side leave no VPL there but count in `drawn`.
+    """
+
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    intensities: NDArray[np.float32]
+    index: NDArray[np.int64]
+    drawn: int
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+def emit_vpls(
+    world: World,
+    count: int,
+    seed: int = 0,
+    sampler: Sampler = "uniform",
+    light_samples: int = 16,
+    counters: Counter[str] | None = None,
+) -> Vpls:
+    """VPLs of `count` points. counters: `vpls_drawn`, `vpls_lit` and `rays` are added to."""
+    points = surface_points(world, count, seed, sampler)
+    surface = surface_at(world, *points)
+    albedo = surface.base
+    if (world.materials.kind[surface.material] != LAMBERT).any():
+        albedo = mean_albedo(materials_at(world.materials, surface.material, surface.base))
+    sides = np.concatenate([surface.geometric, -surface.geometric])
+    twice = np.tile(np.arange(count), 2)
+    bright = albedo[twice].any(axis=1)
+    sides, twice = sides[bright], twice[bright]
+    position, normal = surface.position[twice], turned(surface.normal[twice], sides)
+    light = irradiance(world, position, normal, sides, light_samples, seed, counters=counters)
+    intensity = (albedo[twice] / np.pi * light * (world.areas.sum() / count)).astype(np.float32)
+    lit = intensity.any(axis=1)
+    if counters is not None:
+        counters["vpls_drawn"] += count
+        counters["vpls_lit"] += int(lit.sum())
+    return Vpls(position[lit].astype(np.float32), sides[lit].astype(np.float32), intensity[lit], twice[lit], count)

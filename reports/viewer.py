@@ -1,0 +1,90 @@
+"""Data of the image viewer: floats as they are, in scripts that a page opened from disk may load (it may not fetch files).
+
+`<assets>/data/<id>.js` calls `luxmeter.image(id, {width, height, rgb, over})`: rgb is base64 of little-endian float32 (H, W, 3),
+row 0 on top; `over` maps a reference's id to base64 of one byte a pixel (0 within 2 %, 1 surely over, 2 undecided).
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.images import write_png
+from reports.folder import Cell, SceneInfo
+from reports.metrics import over_states
+from reports.rows import Row
+from reports.stored import Images, StoredReference
+
+MOST_FRAMES = 8
+
+
+def shown_frames(frames: Sequence[int]) -> list[int]:
+    """All frames, or of many the first, the last and evenly spaced ones between them, at most 8."""
+    if len(frames) <= MOST_FRAMES:
+        return list(frames)
+    picks = np.linspace(0, len(frames) - 1, MOST_FRAMES).round().astype(int)
+    return [frames[i] for i in picks]
+
+
+def write_viewer(images: Images, scene: SceneInfo, rows: Sequence[Row], assets: Path, prefix: str) -> dict[str, Any]:
+    """Write a scene's image scripts and thumbnails under `assets`; returns what the page needs to know of them."""
+    (assets / "data").mkdir(exist_ok=True)
+    (assets / "thumbnails").mkdir(exist_ok=True)
+    frames = []
+    for frame in shown_frames(sorted({f for row in rows for f in row.frames})):
+        entries = _Frame(images, scene, frame, assets, prefix)
+        for row in rows:
+            first = next((c for c, _ in row.done if c.frame == frame), None)
+            if first is not None:
+                entries.add_row(row, first)
+        if entries.entries:
+            frames.append({"frame": frame, "images": entries.entries})
+    return {"exposure": scene.exposure, "frames": frames}
+
+
+class _Frame:
+    """Images of one frame of a scene: references once each, then the methods."""
+
+    def __init__(self, images: Images, scene: SceneInfo, frame: int, assets: Path, prefix: str) -> None:
+        self.images, self.scene, self.frame, self.assets, self.prefix = images, scene, frame, assets, prefix
+        self.entries: list[dict[str, Any]] = []
+        self._references: dict[str, str] = {}
+
+    def add_row(self, row: Row, cell: Cell) -> None:
+        pixels = self.images.frame(cell)
+        if pixels is None:
+            return
+        own: dict[str, str] = {}
+        over: dict[str, str] = {}
+        for against, transport in (("matched", row.transport), ("full", "full")):
+            stored = self.images.reference(self.scene.name, self.frame, transport, row.size)
+            if stored is not None and stored.mean.shape == pixels.shape:
+                own[against] = self._reference(stored)
+                over[own[against]] = encode(over_states(stored.pair(pixels, self.scene.exposure)))
+        self._write(f"{self.prefix}-{row.key}-f{self.frame}", row.label, pixels, over, {"kind": "method", **own})
+
+    def _reference(self, stored: StoredReference) -> str:
+        if stored.info.id not in self._references:
+            key = f"{self.prefix}-reference{len(self._references)}-f{self.frame}"
+            self._references[stored.info.id] = key
+            label = f"reference, {stored.info.transport}"
+            self._write(key, label, stored.mean, {}, {"kind": "reference"})
+        return self._references[stored.info.id]
+
+    def _write(self, key: str, label: str, pixels: NDArray[np.float32], over: Mapping[str, str], more: Mapping[str, str]) -> None:
+        height, width = pixels.shape[:2]
+        data = {"width": width, "height": height, "rgb": encode(pixels.astype("<f4")), "over": dict(over)}
+        (self.assets / "data" / f"{key}.js").write_text(f"luxmeter.image({json.dumps(key)},{json.dumps(data)});\n")
+        write_png(self.assets / "thumbnails" / f"{key}.png", pixels, self.scene.exposure)
+        self.entries.append({"id": key, "label": label, "width": width, "height": height, **more})
+
+
+def encode(array: NDArray[Any]) -> str:
+    """Base64 of the array's bytes in row order."""
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
