@@ -53,6 +53,8 @@ class Options:
 def evaluate(plan: Plan, folder: Path, options: Options | None = None, notify: Callable[[Event], None] | None = None) -> Evaluation:
     """Do all of the plan's work and write the report into `folder`. A failing cell holds its error and leaves the others alone.
 
+    Images and results stay where even the report fails: `index.html` is missing then, and `logs/` says why.
+
     An interrupt (Ctrl-C) ends the children, marks what was not done as cancelled, and the report is written all the same.
     """
     run = _Run(plan, folder, options or Options(), notify or (lambda event: None))
@@ -88,8 +90,6 @@ class _Run:
         try:
             do(node, failures)
         except Exception as error:
-            if node.kind == "report":
-                raise
             failure = error if isinstance(error, TaskError) else TaskError(describe(error), traceback.format_exc())
             self._fail(node, failure)
             raise failure from error

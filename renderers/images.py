@@ -13,7 +13,7 @@ LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 def luminance(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
     """Relative luminance of linear Rec.709 RGB (..., 3), float64 (...)."""
-    return rgb.astype(np.float64) @ LUMA
+    return np.asarray(rgb.astype(np.float64) @ LUMA)
 
 
 def display_values(rgb: NDArray[np.floating], exposure: float) -> NDArray[np.float64]:

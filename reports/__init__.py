@@ -1,7 +1,7 @@
 """Images and result rows in; metrics, verdicts, tables, plots and a static HTML report out. Knows no queue and no HTTP.
 
-`compare` measures one image against one reference; `noise_floor` says what the reference's own noise would measure; `write` turns an
-evaluation folder (`reports.folder`) into a report that opens from disk. The metrics are defined once, in `reports.registry`.
+`compare` measures one image against one reference; `noise_floor` says what the reference's own noise would measure; `write` turns
+an evaluation folder (`reports.folder`) into a report that opens from disk. The metrics are defined once, in `reports.registry`.
 """
 
 from __future__ import annotations

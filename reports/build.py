@@ -1,6 +1,7 @@
 """Write the static report of an evaluation folder: `index.html`, `assets/`, `results.csv`, `results.parquet`.
 
-The report is a pure function of the folder: the same folder gives the same bytes. It opens from disk and loads nothing from elsewhere.
+The report is a pure function of the folder: the same folder gives the same bytes. It opens from disk and loads nothing from
+elsewhere.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from reports import format as form
 from reports import tables
 from reports.evidence import Evidence, bars
-from reports.folder import Evaluation, SceneInfo, read
+from reports.folder import Cell, Evaluation, SceneInfo, read
 from reports.plots import speed_against_error
 from reports.registry import METRICS
 from reports.results import Result
@@ -94,9 +95,7 @@ def _distinct(results: Mapping[str, Result], field: str) -> dict[str, list[str]]
     return {name: list(values) for name, values in sorted(found.items())}
 
 
-def _scene(
-    images: Images, evaluation: Evaluation, scene: SceneInfo, rows: list[Row], assets: Path, prefix: str
-) -> dict[str, Any]:
+def _scene(images: Images, evaluation: Evaluation, scene: SceneInfo, rows: list[Row], assets: Path, prefix: str) -> dict[str, Any]:
     evidence = Evidence(images, scene)
     budgets = [(row, found) for row in rows if (found := evidence.budget(row)) is not None]
     zero, stacks = bars(budgets)
@@ -111,9 +110,9 @@ def _scene(
         "settings": tables.settings_table(rows),
         "plots": _plots(rows, assets, prefix),
         "budgets": {"zero": zero, "stacks": stacks},
-        "sequences": [found for row in rows if len(row.frames) > 1 and (found := evidence.sequence(row)) is not None],
+        "sequences": [errors for row in rows if len(row.frames) > 1 and (errors := evidence.sequence(row)) is not None],
         "viewer": write_viewer(images, scene, rows, assets, prefix),
-        "failed": [cell for row in rows for cell in row.failed if cell.state == "failed"],
+        "failed": _failures(rows),
         "waiting": [cell for row in rows for cell in row.failed if cell.state != "failed"],
         "references": [r for r in evaluation.references if r.scene == scene.name],
         "aliasing": _aliasing(scene),
@@ -135,9 +134,25 @@ def _plots(rows: Sequence[Row], assets: Path, prefix: str) -> list[dict[str, Any
     return found
 
 
+def _failures(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Failed cells, those of one row with the same error in one line."""
+    found: dict[tuple[str, str], list[Cell]] = {}
+    for row in rows:
+        for cell in row.failed:
+            if cell.state == "failed":
+                found.setdefault((row.label, cell.error or "no message"), []).append(cell)
+    lines = []
+    for (label, error), cells in found.items():
+        seeds, frames = sorted({c.seed for c in cells}), sorted({c.frame for c in cells})
+        lines.append({"label": label, "error": error, "seeds": seeds, "frames": frames})
+    return lines
+
+
 def _aliasing(scene: SceneInfo) -> str | None:
     """Box against centre reference in one line: error that any image of one sample a pixel has, whatever its method."""
-    values = [f"{METRICS[m].name} {form.of_metric(METRICS[m], v)}" for m, v in scene.aliasing.items() if m in METRICS and v is not None]
+    values = [
+        f"{METRICS[m].name} {form.of_metric(METRICS[m], v)}" for m, v in scene.aliasing.items() if m in METRICS and v is not None
+    ]
     return ", ".join(values) or None
 
 

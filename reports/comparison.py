@@ -29,7 +29,8 @@ def compare(
     """Every metric of one image by id, None where a metric is not defined.
 
     Both images are linear (H, W, 3); luminance_variance (H, W) is that of the reference's mean over n replicates, and widens
-    `over_2pct_surely` and `over_2pct_possibly` around `over_2pct`. `nightly` adds the slow metrics. Raises ValueError as `Pair` does.
+    `over_2pct_surely` and `over_2pct_possibly` around `over_2pct`. `nightly` adds the slow metrics. Raises ValueError as `Pair`
+    does.
     """
     return measure(Pair(test, reference_image, exposure, luminance_variance, n), nightly=nightly)
 
@@ -51,8 +52,8 @@ def compare_sequence(pairs: Sequence[Pair], *, nightly: bool = False) -> tuple[l
 def noise_floor(reference_image: Image, variance: Image, exposure: float = 1.0) -> Row:
     """Metrics that the reference's noise alone produces: the reference plus one seeded draw of its noise, against itself.
 
-    variance (H, W, 3) is that of the mean. The draw moves a pixel's three channels together (they share their light paths), which is
-    the largest change of luminance that these variances allow: the floor is not too low.
+    variance (H, W, 3) is that of the mean. The draw moves a pixel's three channels together (they share their light paths), which
+    is the largest change of luminance that these variances allow: the floor is not too low.
     """
     draw = np.random.default_rng(0).standard_normal(reference_image.shape[:2])
     noisy = reference_image + draw[..., None] * np.sqrt(variance.astype(np.float64))

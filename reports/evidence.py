@@ -103,7 +103,9 @@ class Bar:
 
 
 def bars(budgets: Sequence[tuple[Row, Budget]]) -> tuple[float, list[tuple[Row, Budget, list[Bar]]]]:
-    """Place the parts of every budget on one common scale; parts below 0 stand left of the zero line, whose place is returned (per cent)."""
+    """Place the parts of every budget on one common scale; parts below 0 stand left of the zero line, whose place is returned (per
+    cent).
+    """
     stacks = [(row, found, _parts(found)) for row, found in budgets]
     most = max((sum(v for *_, v in parts if v > 0) for *_, parts in stacks), default=0.0)
     least = min((sum(v for *_, v in parts if v < 0) for *_, parts in stacks), default=0.0)

@@ -18,10 +18,8 @@ def number(value: float | None, digits: int = 3) -> str:
     if value == 0:
         return "0"
     magnitude = math.floor(math.log10(abs(value)))
-    if -4 <= magnitude < 6:
-        text = f"{value:.{max(digits - 1 - magnitude, 0)}f}"
-    else:
-        text = f"{value:.{digits - 1}e}"
+    plain = -4 <= magnitude < 6
+    text = f"{value:.{max(digits - 1 - magnitude, 0)}f}" if plain else f"{value:.{digits - 1}e}"
     return text.replace("-", MINUS, 1) if value < 0 else text
 
 
@@ -46,7 +44,7 @@ def uncertainty(metric: Metric, found: Interval) -> str:
     if found.kind == "none":
         return "one seed"
     if found.kind == "exact":
-        return "all seeds equal"
+        return "seeds equal"
     return f"± {percent(found.half) if metric.unit == 'share' else number(found.half, 2)}"
 
 

@@ -1,7 +1,8 @@
 """The metrics' mathematics: each takes a Pair (test and reference image) and returns one number.
 
-Display values are v = clip(exposure · rgb, 0, 1) through the sRGB curve times 255, not rounded (rounding belongs into PNGs: it would
-turn a 0.3 % error into 2 %). Luma is .2126 R' + .7152 G' + .0722 B' of display values, luminance the same weights on linear radiance.
+Display values are v = clip(exposure · rgb, 0, 1) through the sRGB curve times 255, not rounded (rounding belongs into PNGs: it
+would turn a 0.3 % error into 2 %). Luma is .2126 R' + .7152 G' + .0722 B' of display values, luminance the same weights on linear
+radiance.
 None stands for "not defined here" (an image too small for SSIM's window, a relative figure against a black reference).
 """
 
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +27,9 @@ SSIM_WINDOW = 11
 class Pair:
     """A test and a reference image, linear float (H, W, 3), with the scene's exposure.
 
-    luminance_variance (H, W) is the variance of the reference's mean luminance over `n` replicates; without it the reference counts as
-    exact. Raises ValueError where shapes differ, values are not finite, the exposure is not positive or a variance comes without n ≥ 2.
+    luminance_variance (H, W) is the variance of the reference's mean luminance over `n` replicates; without it the reference
+    counts as exact. Raises ValueError where shapes differ, values are not finite, the exposure is not positive or a variance comes
+    without n ≥ 2.
     """
 
     test: NDArray[np.floating]
@@ -82,8 +85,9 @@ class Pair:
     def reference_interval(self) -> tuple[Array, Array]:
         """Lower and upper luma (H, W) of the reference: its 95 % interval of luminance, carried through the tone curve.
 
-        The interval of linear luminance Y is Y ± t(0.975, n−1)·sqrt(variance), Student's t. Each end becomes a colour by scaling the
-        pixel's rgb, so that its chromaticity stays fixed (grey where the pixel is black), and that colour's luma is the end reported.
+        The interval of linear luminance Y is Y ± t(0.975, n−1)·sqrt(variance), Student's t. Each end becomes a colour by scaling
+        the pixel's rgb, so that its chromaticity stays fixed (grey where the pixel is black), and that colour's luma is the end
+        reported.
         """
         if self.luminance_variance is None or self.n is None:
             return self.reference_luma, self.reference_luma
@@ -113,7 +117,7 @@ def ssim(pair: Pair) -> float | None:
     if min(pair.test.shape[:2]) < SSIM_WINDOW:
         return None
     # The mean that scikit-image returns leaves out a border of 5 pixels; the map does not.
-    _, full = structural_similarity(
+    _, full = structural_similarity(  # type: ignore[no-untyped-call]
         pair.reference_luma,
         pair.test_luma,
         data_range=255,
@@ -181,7 +185,7 @@ def rel_mse(pair: Pair) -> float:
 
 
 def mean_bias(pair: Pair) -> float | None:
-    """Signed relative energy, (mean t − mean r) / mean r on linear luminance; None against a black reference (0 if both are black)."""
+    """Signed relative energy, (mean t − mean r) / mean r on linear luminance; None against a black reference, 0 if both are."""
     t, r = float(pair.test_luminance.mean()), float(pair.reference_luminance.mean())
     if r <= 0.0:
         return 0.0 if t == r else None
@@ -206,7 +210,7 @@ def flicker(pairs: Sequence[Pair]) -> float | None:
     if len(pairs) < 2:
         return None
     errors = [pair.test_luma - pair.reference_luma for pair in pairs]
-    return float(np.mean([np.abs(b - a).mean() for a, b in zip(errors[:-1], errors[1:], strict=True)]))
+    return float(np.mean([np.abs(b - a).mean() for a, b in pairwise(errors)]))
 
 
 def signed_relative_error(pair: Pair) -> NDArray[np.float32]:
@@ -214,7 +218,8 @@ def signed_relative_error(pair: Pair) -> NDArray[np.float32]:
     t, r = pair.test_luminance, pair.reference_luminance
     floor = r + 0.01 * r.mean()
     # Against an all-black reference every lit pixel is off by the whole of itself: ±1.
-    return np.divide(t - r, floor, out=np.sign(t - r), where=floor > 0).astype(np.float32)
+    relative: Array = np.divide(t - r, floor, out=np.sign(t - r), where=floor > 0)
+    return relative.astype(np.float32)
 
 
 OK, OVER, UNDECIDED = 0, 1, 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from reports.rows import AGAINST, PATH_TRACER, Against, Row
 from reports.statistics import Interval, pareto
@@ -13,10 +13,12 @@ from reports.statistics import Interval, pareto
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's colours, which stay apart for colour-blind readers; black and yellow are left out: they vanish on one of the pages.
+# Okabe and Ito's colours, which stay apart for colour-blind readers; black and yellow are left out: they vanish on one of the
+# pages.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 MARKERS = "osD^vPX*<>"
 LEAST_ERROR = 1e-3  # where an error of exactly 0 is drawn on the logarithmic axis
+STYLE = {"svg.hashsalt": "luxmeter", "svg.fonttype": "none", "font.size": 9, "text.parse_math": False}
 TITLES = {"matched": "against the method's own transport", "full": "against full transport"}
 
 
@@ -56,7 +58,7 @@ def points(rows: Sequence[Row], against: Against) -> list[Point]:
 
 
 def speed_against_error(rows: Sequence[Row], stem: Path) -> list[str]:
-    """Write `<stem>-light.svg` and `<stem>-dark.svg` for rows of one device; returns their names, none when there is nothing to draw."""
+    """Write `<stem>-light.svg` and `<stem>-dark.svg` for rows of one device; returns their names, none without measurements."""
     if not any(points(rows, against) for against in AGAINST):
         return []
     import matplotlib as mpl
@@ -64,15 +66,19 @@ def speed_against_error(rows: Sequence[Row], stem: Path) -> list[str]:
 
     names = []
     for theme in THEMES:
-        style = {"svg.hashsalt": "luxmeter", "svg.fonttype": "none", "font.family": "sans-serif", "font.size": 9}
         colours = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
-        with mpl.rc_context({**style, **dict.fromkeys(colours, theme.ink)}):
+        style: Any = {**STYLE, **dict.fromkeys(colours, theme.ink)}
+        # From matplotlib's own defaults, so that a user's matplotlibrc doesn't change the report.
+        with mpl.rc_context():
+            mpl.rcdefaults()
+            mpl.rcParams.update(style)
             figure = Figure(figsize=(10.4, 3.9), layout="constrained")
             left, right = figure.subplots(1, 2, sharex=True)
             for axes, against in ((left, AGAINST[0]), (right, AGAINST[1])):
                 _panel(axes, rows, against, theme)
-            handles = {h.get_label(): h for axes in (left, right) for h in axes.get_legend_handles_labels()[0]}
-            figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False)
+            left.set_xlim(*_limits([p.seconds for p in points(rows, AGAINST[0]) + points(rows, AGAINST[1])]))
+            handles = {str(h.get_label()): h for axes in (left, right) for h in axes.get_legend_handles_labels()[0]}
+            figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, frameon=False)
             path = stem.with_name(f"{stem.name}-{theme.name}.svg")
             figure.savefig(path, format="svg", transparent=True, metadata={"Date": None, "Creator": "luxmeter"})
         names.append(path.name)
@@ -80,6 +86,8 @@ def speed_against_error(rows: Sequence[Row], stem: Path) -> list[str]:
 
 
 def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     found = points(rows, against)
     axes.set(xscale="log", yscale="log", title=TITLES[against], xlabel="wall seconds", ylabel="RMSE (0–255)")
     axes.grid(True, which="major", color=theme.faint, linewidth=0.5)
@@ -87,6 +95,10 @@ def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> N
     if not found:
         axes.text(0.5, 0.5, "nothing measured", ha="center", va="center", transform=axes.transAxes)
         return
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.set_minor_formatter(NullFormatter())
     _path_tracing(axes, found)
     for point in found:
         _draw(axes, point)
@@ -97,6 +109,13 @@ def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> N
     for k, floor in enumerate(sorted(set(floors))):
         label = "reference noise floor" if k == 0 else None
         axes.axhline(floor, color=theme.ink, linewidth=0.8, linestyle=(0, (6, 3)), alpha=0.6, label=label)
+
+
+def _limits(values: Sequence[float]) -> tuple[float, float]:
+    """Range of a logarithmic axis: the values with a margin, at least a decade wide; a single point stands in the middle."""
+    low, high = min(values), max(values)
+    margin = max((10.0 * low / high) ** 0.5, 1.25)
+    return low / margin, high * margin
 
 
 def _path_tracing(axes: Axes, found: Sequence[Point]) -> None:
@@ -124,11 +143,9 @@ def _draw(axes: Axes, point: Point) -> None:
         yerr=[[down], [up]],
         xerr=[[point.seconds - span.low], [span.high - point.seconds]],
         color=point.colour,
-        marker=point.marker,
-        markersize=6,
         linestyle="none",
         elinewidth=1,
         capsize=2,
-        label=label,
         zorder=3,
     )
+    axes.plot([point.seconds], [y], color=point.colour, marker=point.marker, markersize=7, linestyle="none", label=label, zorder=4)

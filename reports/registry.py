@@ -53,7 +53,15 @@ METRICS: dict[str, Metric] = {
             "Wang, Bovik, Sheikh, Simoncelli: Image Quality Assessment, IEEE TIP 13(4), 2004",
             metrics.ssim,
         ),
-        Metric("over_2pct", "Over 2 %", "share", "lower", "share of pixels with |t − r| > 0.02 · max(r, 1) on luma", _2PCT, metrics.over_2pct),
+        Metric(
+            "over_2pct",
+            "Over 2 %",
+            "share",
+            "lower",
+            "share of pixels with |t − r| > 0.02 · max(r, 1) on luma",
+            _2PCT,
+            metrics.over_2pct,
+        ),
         Metric(
             "over_2pct_surely",
             "Surely over 2 %",

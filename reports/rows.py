@@ -39,7 +39,7 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """All seeds and frames of one configuration in one scene on one device. `cells` holds failed ones too; `results` is by cell id."""
+    """All seeds and frames of one configuration in one scene on one device. `cells` holds failed ones too; `results` is by id."""
 
     key: str
     scene: str
@@ -137,7 +137,9 @@ def gather(evaluation: Evaluation, results: Mapping[str, Result]) -> dict[str, l
             label = f"{label} · {width}×{height}"
         devices = _unique(device_string(results[c.id]) for c in cells if c.id in results) or [""]
         for k, device in enumerate(devices):
-            own = [c for c in cells if (c.id in results and device_string(results[c.id]) == device) or (c.id not in results and k == 0)]
+            own = [
+                c for c in cells if (c.id in results and device_string(results[c.id]) == device) or (c.id not in results and k == 0)
+            ]
             settings = next((results[c.id].settings for c in own if c.id in results), own[0].settings)
             found = {c.id: results[c.id] for c in own if c.id in results}
             row = Row(f"r{number}-{k}", scene, label, method, transport, (width, height), device, settings, tuple(own), found)

@@ -19,7 +19,10 @@ RESAMPLES = 4000
 
 @dataclass(frozen=True)
 class Interval:
-    """Mean of n values and its 95 % interval. kind: how it was made; `none` (one value) and `exact` (all equal) have low = high = mean."""
+    """Mean of n values and its 95 % interval.
+
+    kind: how it was made; for `none` (one value) and `exact` (all equal) low = high = mean.
+    """
 
     mean: float
     low: float
@@ -62,7 +65,7 @@ def interval(values: Sequence[float]) -> Interval:
 
 @dataclass(frozen=True)
 class Difference:
-    """Mean of a minus mean of b with its 95 % interval; low and high are None where one seed allows none. decided: 0 lies outside."""
+    """Mean of a minus mean of b with its 95 % interval; low and high are None where one seed allows none."""
 
     value: float
     low: float | None
@@ -96,12 +99,17 @@ def difference(a: Sequence[float], b: Sequence[float]) -> Difference:
 class Budget:
     """Mean squared error against the full reference, in display values squared (0–255)², as parts that add up to `total` exactly.
 
-    With images x₁…x_S over seeds, their mean x̄, matched reference m, full reference f, ⟨·⟩ the mean over pixels and channels:
-    noise = ⟨Σ(x_s − x̄)²⟩/(S − 1), the estimator's variance, None for one seed; bias = ⟨(x̄ − m)²⟩ − noise/S − floor, what the method gets
-    wrong about its own transport (unbiased: may come out slightly below 0; with one seed it holds the noise too); floor = the matched
-    reference's own noise squared; model = mean ⟨(x_s − f)²⟩ − mean ⟨(x_s − m)²⟩, the price of the transport model.
-    Since Σ⟨(x_s − m)²⟩/S = (S−1)/S · noise + ⟨(x̄ − m)²⟩, noise + bias + floor is the mean squared error against m, and adding model gives that
-    against f. model = alone + 2⟨(x̄ − m)(m − f)⟩ with alone = ⟨(m − f)²⟩: below `alone`, even below 0, where bias makes up for missing paths.
+    Images x₁…x_S over seeds, their mean x̄, matched reference m, full reference f, ⟨·⟩ the mean over pixels and channels:
+
+    noise  ⟨Σ(x_s − x̄)²⟩ / (S − 1), the estimator's variance; None for one seed
+    bias   ⟨(x̄ − m)²⟩ − noise/S − floor, what the method gets wrong about its own transport; an unbiased estimate, so it may come
+           out slightly below 0; with one seed it holds the noise too
+    floor  the matched reference's own noise, squared
+    model  mean_s ⟨(x_s − f)²⟩ − mean_s ⟨(x_s − m)²⟩, the price of the transport model
+
+    Since mean_s ⟨(x_s − m)²⟩ = (S − 1)/S · noise + ⟨(x̄ − m)²⟩, noise + bias + floor is the mean squared error against m, and adding
+    model gives that against f. model = model_alone + 2⟨(x̄ − m)(m − f)⟩ with model_alone = ⟨(m − f)²⟩: it falls below model_alone,
+    even below 0, where the method's bias makes up for missing paths.
     """
 
     noise: float | None
@@ -162,10 +170,12 @@ def truth(reference: NDArray[np.floating], variance: NDArray[np.floating], expos
 def reference_decides(a: Array, b: Array, truth_a: Truth, truth_b: Truth) -> bool:
     """Whether the references' noise can't have swapped the order of two methods by squared error.
 
-    a, b: display values (H, W, 3), means over seeds, each with its own truth; the same object for both means the same reference image.
-    Noise e of a reference moves ⟨(a − r)²⟩ by −2⟨(a − r) e⟩ + ⟨e²⟩. With one reference for both, the difference moves by −2⟨(a − b) e⟩ only;
-    with two, each error moves on its own, and the differing ⟨e²⟩ are taken off first. N pixels whose channels move together (the worst
-    case) give the standard deviation 2/N · sqrt(Σ (mean_c |weight|_c σ_c)²). The order is decided beyond 1.96 of these.
+    a, b: display values (H, W, 3), means over seeds, each with its own truth; the same object for both means the same reference
+    image. Noise e of a reference moves ⟨(a − r)²⟩ by −2⟨(a − r) e⟩ + ⟨e²⟩. With one reference for both, the difference moves by
+    −2⟨(a − b) e⟩ only; with two, each error moves on its own, and the expected ⟨e²⟩ are taken off first. N pixels whose channels
+    move together (the worst case) give the standard deviation 2/N · sqrt(Σ (mean_c |weight|_c σ_c)²). Weights measured against the
+    noisy reference hold σ² of its noise, hence 4 Σσ⁴/N² in the variance, more than the 2 Σσ⁴/N² by which ⟨e²⟩ itself varies. The
+    order is decided beyond 1.96 standard deviations.
     """
     gap = float(np.mean((a - truth_a.display) ** 2) - np.mean((b - truth_b.display) ** 2))
     if truth_a is truth_b:
@@ -192,8 +202,8 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
 class EqualTime:
     """A method against path tracing, both as measured. Ratios above 1 favour the method; None where path tracing has no such point.
 
-    error_ratio: error of the best path-traced image that took no longer, over the method's. speedup: seconds of the fastest path-traced
-    image that is no worse, over the method's.
+    error_ratio: error of the best path-traced image that took no longer, over the method's. speedup: seconds of the fastest
+    path-traced image that is no worse, over the method's.
     """
 
     error_ratio: float | None

@@ -56,8 +56,10 @@ class Images:
     def _stored(self, info: ReferenceInfo) -> StoredReference | None:
         if info.id not in self._references:
             path = self.folder / "references" / f"{info.id}.exr"
-            layers = read_exr(path)[0] if path.is_file() else None
-            self._references[info.id] = layers and StoredReference(
-                info, layers["mean"], layers["variance"], layers["luminance_variance"]
-            )
+            self._references[info.id] = _read_reference(info, path) if path.is_file() else None
         return self._references[info.id]
+
+
+def _read_reference(info: ReferenceInfo, path: Path) -> StoredReference:
+    layers, _ = read_exr(path)
+    return StoredReference(info, layers["mean"], layers["variance"], layers["luminance_variance"])

@@ -75,7 +75,7 @@ def metric_cell(row: Row, against: Against, metric: Metric, best: set[str]) -> T
     if metric.id == "over_2pct":
         surely, possibly = (row.interval(against, f"over_2pct_{w}") for w in ("surely", "possibly"))
         if surely is not None and possibly is not None and possibly.mean > surely.mean:
-            note = f"[{percent(surely.mean)}, {percent(possibly.mean)}]"
+            note = f"[{percent(surely.mean).removesuffix(' %')} … {percent(possibly.mean)}]"
     return cell(of_metric(metric, found.mean), found.mean, note, best=row.key in best)
 
 
@@ -104,7 +104,9 @@ def seconds_cell(row: Row) -> TableCell:
     """Median wall seconds with the extremes that were measured."""
     if row.seconds is None:
         return cell(DASH)
-    spread = f"{seconds(row.seconds.low)} … {seconds(row.seconds.high)}" if row.seconds.n > 1 else ""
+    low, high = seconds(row.seconds.low), seconds(row.seconds.high)
+    low = low.removesuffix(" s") if not high.endswith("ms") else low
+    spread = f"{low} … {high}" if row.seconds.n > 1 else ""
     return cell(seconds(row.seconds.median), row.seconds.median, spread)
 
 

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from reports.comparison import reference_too_noisy
-from reports.format import number, percent, seconds
+from reports.comparison import TOO_NOISY, reference_too_noisy
+from reports.format import number, seconds
 from reports.registry import METRICS
 from reports.rows import AGAINST, PATH_TRACER, Against, Row
 from reports.statistics import difference, equal_time
@@ -22,7 +22,9 @@ Decides = Callable[[Row, Row, Against], bool | None]
 
 @dataclass(frozen=True)
 class Order:
-    """How the best row stands to the next one. gap: difference of their RMSE; half: half width of its 95 % interval, if there is one."""
+    """How the best row stands to the next one. gap: difference of their RMSE; half: half width of its 95 % interval, if there is
+    one.
+    """
 
     best: Row
     second: Row | None
@@ -70,7 +72,7 @@ def sentence(found: Order, against: Against) -> str:
     spread = f" ± {number(interval.half, 2)}" if interval.kind in ("student-t", "bootstrap") else ""
     lead = f"{found.best.label} is closest to {truth}, RMSE {number(interval.mean)}{spread}"
     if found.second is None:
-        return f"{lead}; nothing else was measured."
+        return f"{found.best.label} has RMSE {number(interval.mean)}{spread} against {truth}; nothing else was measured."
     second = found.second.label
     gap = number(found.gap) + (f" ± {number(found.half, 2)}" if found.half is not None else "")
     return {
@@ -89,7 +91,7 @@ def too_noisy(rows: Sequence[Row], against: Against) -> list[str]:
 
 
 def path_traced_points(rows: Sequence[Row], row: Row, against: Against) -> list[tuple[float, float]]:
-    """(seconds, RMSE) of path tracing on the row's device and size, with the row's transport where `against` is matched, else full."""
+    """(seconds, RMSE) of path tracing on the row's device and size: of the row's transport, or against full of full transport."""
     transport = row.transport if against == "matched" else "full"
     points = []
     for other in rows:
@@ -126,16 +128,19 @@ def summary(rows: Sequence[Row], decides: Decides) -> list[str]:
     for against in AGAINST:
         labels = too_noisy(rows, against)
         if labels:
-            sentences.append(f"Reference too noisy ({against}): over {percent(0.2)} of the pixels are undecided for {', '.join(labels)}.")
+            share = f"{100 * TOO_NOISY:.0f} %"
+            sentences.append(
+                f"Reference too noisy ({against}): more than {share} of the pixels are undecided for {', '.join(labels)}."
+            )
     if failed and failed < total:
         sentences.append(f"{failed} of {total} cells failed.")
     return sentences
 
 
 def best_values(rows: Sequence[Row], against: Against, metric_id: str) -> set[str]:
-    """Keys of the rows with the best value of a metric, by the registry's direction; several when equal, none when one was measured."""
+    """Keys of the rows with the best value of a metric, by the registry's direction; several on a tie, none when all are equal."""
     metric = METRICS[metric_id]
     found = {row.key: metric.badness(i.mean) for row in rows if (i := row.interval(against, metric_id)) is not None}
-    if len(found) < 2:
+    if len(set(found.values())) < 2:
         return set()
     return {key for key, value in found.items() if value == min(found.values())}

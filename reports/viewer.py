@@ -1,7 +1,7 @@
 """Data of the image viewer: floats as they are, in scripts that a page opened from disk may load (it may not fetch files).
 
-`<assets>/data/<id>.js` calls `luxmeter.image(id, {width, height, rgb, over})`: rgb is base64 of little-endian float32 (H, W, 3), row 0 on
-top; `over` maps a reference's id to base64 of one byte a pixel (0 within 2 %, 1 surely over, 2 undecided).
+`<assets>/data/<id>.js` calls `luxmeter.image(id, {width, height, rgb, over})`: rgb is base64 of little-endian float32 (H, W, 3),
+row 0 on top; `over` maps a reference's id to base64 of one byte a pixel (0 within 2 %, 1 surely over, 2 undecided).
 """
 
 from __future__ import annotations

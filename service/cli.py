@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+from typing import Annotated
 
 import typer
 from typer.exceptions import TyperException
 
+from jobs.code import installed
 from jobs.errors import RequestError, TaskError
 from renderers import SceneError, UnknownMethod, UnsupportedScene
 from service.commands._doctor import doctor
@@ -17,10 +20,23 @@ from service.commands._render import render
 from service.commands._scenes import scenes
 from service.output import print_json
 
-app = typer.Typer(
-    name="luxmeter", add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
-    help="Measure real-time global illumination and soft shadows against path-traced truth.",
-)  # fmt: skip
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"luxmeter {installed('luxmeter')}")
+        raise typer.Exit
+
+
+app = typer.Typer(name="luxmeter", add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+@app.callback()
+def luxmeter(
+    version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version.")] = False,
+) -> None:
+    """Measure real-time global illumination and soft shadows against path-traced truth."""
+
+
 for command in (doctor, scenes, methods, render, reference, evaluate):
     app.command()(command)
 
@@ -42,7 +58,8 @@ def run(arguments: list[str]) -> int:
 
 
 def main() -> None:
-    """Entry point of the `luxmeter` script."""
+    """Entry point of the `luxmeter` script. A polite kill ends the work as Ctrl-C does."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(run(sys.argv[1:]))
 
 

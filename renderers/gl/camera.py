@@ -11,7 +11,10 @@ from renderers.scene.world import F64, World
 
 
 def perspective(tangents: tuple[float, float], near: float, *, zero_to_one: bool) -> F64:
-    """Projection (4, 4) of a pinhole looking along -Z; `tangents`: of the half angles in x and y (negative turns the picture over)."""
+    """Projection (4, 4) of a pinhole looking along -Z.
+
+    `tangents`: of the half angles in x and y (negative turns the picture over).
+    """
     matrix = np.zeros((4, 4))
     matrix[0, 0], matrix[1, 1] = 1 / tangents[0], 1 / tangents[1]
     matrix[3, 2] = -1.0
@@ -47,7 +50,10 @@ def tangents(world: World, size: tuple[int, int]) -> tuple[float, float]:
 
 
 def shift(size: tuple[int, int], offset: tuple[float, float]) -> tuple[float, float]:
-    """Clip-space shift that brings sample `offset` of each pixel (row 0 on top of the picture, at the bottom of GL's window) to its centre."""
+    """Clip-space shift that brings sample `offset` of each pixel to its centre.
+
+    The offset is counted from the pixel's upper left; the picture's top is at the bottom of GL's window.
+    """
     return (1 - 2 * offset[0]) / size[0], (1 - 2 * offset[1]) / size[1]
 
 

@@ -73,7 +73,8 @@ def context() -> Any:
         made.idle.use()
     while ctx.objects:
         dropped = ctx.objects.popleft()
-        # Those released by hand before they were dropped are queued as well, without a release of their own (Context.gc stumbles on them).
+        # Those released by hand before they were dropped are queued as well, without a release of their own (Context.gc
+        # stumbles on them).
         if hasattr(dropped, "release"):
             dropped.release()
     return ctx
@@ -88,7 +89,7 @@ def device() -> Device:
 
 
 def check(ctx: Any, pass_name: str) -> None:
-    """Raise GLError naming the pass when OpenGL reported an error since the last check (llvmpipe draws nothing, silently, on some)."""
+    """Raise GLError naming the pass when OpenGL reported an error since the last check; llvmpipe then draws nothing, silently."""
     error = ctx.error
     if error != "GL_NO_ERROR":
         raise GLError(f"{pass_name}: {error}")
@@ -98,7 +99,7 @@ def check(ctx: Any, pass_name: str) -> None:
 def _create() -> Device:
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     if not hasattr(np, "infty"):
-        np.infty = np.inf  # type: ignore[attr-defined]  # pyrender 0.1.45 reads the name that numpy 2 removed
+        np.infty = np.inf  # type: ignore[attr-defined]  # noqa: NPY201 - pyrender 0.1.45 reads the name that numpy 2 removed
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # deprecations inside pyrender, PyOpenGL and pyglet, at import only
@@ -107,9 +108,11 @@ def _create() -> Device:
         offscreen = pyrender.OffscreenRenderer(1, 1)
         offscreen._platform.make_current()
         loader = _EGLLoader()
-        ctx = moderngl.create_context(require=VERSION, context=loader)
+        ctx = moderngl.create_context(require=VERSION, context=loader)  # type: ignore[arg-type]
     except Exception as error:
-        raise GLError(f"no OpenGL {VERSION // 100}.{VERSION // 10 % 10} context through EGL ({error or type(error).__name__})") from error
+        raise GLError(
+            f"no OpenGL {VERSION // 100}.{VERSION // 10 % 10} context through EGL ({error or type(error).__name__})"
+        ) from error
     ctx.gc_mode = "context_gc"
     idle = ctx.framebuffer([ctx.texture((1, 1), 4)])
     return Device(ctx, offscreen, idle, _use_zero_to_one(loader, ctx), (os.getpid(), threading.get_ident()))

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.gbuffer import GBuffer
-from renderers.gl import passes
+from renderers.gl import lights, passes
 from renderers.gl.gbuffer import ResidentGBuffer, on_gpu
-from renderers.gl.lights import LightSample, light_samples
+from renderers.gl.lights import LightSample
 from renderers.gl.programs import assign, program
 from renderers.gl.shadow import shadow_map
 from renderers.scene.world import World
@@ -19,12 +19,13 @@ KINDS = {"point": 0, "spot": 1, "directional": 2, "area": 3}
 def direct(
     world: World, gbuffer: GBuffer | ResidentGBuffer, shadow_resolution: int = 1024, light_samples: int = 16, taps: int = 0
 ) -> NDArray[np.float32]:
-    """Radiance reflected to the eye after one bounce of direct light, float32 (H, W, 3); emission is not in it, the background is 0.
+    """Direct light reflected to the eye, radiance float32 (H, W, 3); emission is not in it, the background is 0.
 
-    shadow_resolution: texels along a tile's side. light_samples: for all emitting triangles, and again for the environment (soft shadows
-    are sums of that many hard ones). taps: percentage-closer filtering over (2 taps + 1)² texels, 0 for the hard test. Raises GLError.
+    shadow_resolution: texels along a tile's side. light_samples: for all emitting triangles, and again for the environment
+    (soft shadows are sums of that many hard ones). taps: percentage-closer filtering over (2 taps + 1)² texels, 0 for the
+    hard test. Raises GLError.
     """
-    return lit_by(world, gbuffer, samples_of(world, light_samples), shadow_resolution, taps)
+    return lit_by(world, gbuffer, lights.light_samples(world, light_samples), shadow_resolution, taps)
 
 
 def lit_by(
@@ -51,6 +52,3 @@ def lit_by(
         image = passes.read_rgb(target.color_attachments[0])
         passes.release(target, *target.color_attachments)
     return image
-
-
-samples_of = light_samples

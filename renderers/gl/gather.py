@@ -2,8 +2,9 @@
 
     L(x) = Σ_n f_r(x; y_n → x → eye) · max(0, n_x·l) · max(0, -n_y·l) / max(eps_b, r²) · I_n,     l = (y_n - x) / r
 
-Lights go through a uniform block in batches of at most 64 KiB, whose passes add up in RGBA32F; a pixel's order of summation is fixed, so
-the bytes don't depend on threads. A World of Lambert materials alone takes the fast path: one multiplication by base / π at the end.
+Lights go through a uniform block in batches of at most 64 KiB, whose passes add up in RGBA32F; a pixel's order of summation
+is fixed, so the bytes don't depend on threads. A World of Lambert materials alone takes the fast path: one multiplication by
+base / π at the end.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ def gather(
 ) -> NDArray[np.float32]:
     """Radiance towards the eye, float32 (H, W, 3), from N lights: positions, unit normals, intensities (N, 3), all in World units.
 
-    eps_b: bound on r² in normalised units², ≥ 0; lights nearer than r² = 1e-20 are skipped. Raises ValueError on eps_b < 0, GLError.
+    eps_b: bound on r² in normalised units², ≥ 0; lights nearer than r² = 1e-20 are skipped. Raises ValueError on eps_b < 0,
+    GLError.
     """
     if eps_b < 0:
         raise ValueError(f"eps_b must not be negative, got {eps_b}")

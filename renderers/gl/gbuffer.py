@@ -1,7 +1,7 @@
 """G-buffer: what the camera sees in each pixel, by rasterisation at one sample a pixel.
 
-Attachments (float32, row 0 on top): position xyz and a 1 where covered; shading normal turned to the viewer and ±1 for front or back; base
-colour × texture; triangle and material as integers (exact to 2³¹). Nothing is culled.
+Attachments (float32, row 0 on top): position xyz and a 1 where covered; shading normal turned to the viewer and ±1 for front
+or back; base colour × texture; triangle and material as integers (exact to 2³¹). Nothing is culled.
 """
 
 from __future__ import annotations
@@ -77,7 +77,10 @@ class ResidentGBuffer:
 
 
 def render_gbuffer(world: World, size: tuple[int, int], offset: tuple[float, float] = (0.5, 0.5)) -> GBuffer:
-    """First hits of the rays through (column + offset[0], row + offset[1]), as numpy arrays. size: (width, height). Raises GLError."""
+    """First hits of the rays through (column + offset[0], row + offset[1]), as numpy arrays.
+
+    size: (width, height). Raises GLError.
+    """
     resident = render_resident(world, size, offset)
     try:
         return resident.read()

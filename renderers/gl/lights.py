@@ -1,8 +1,9 @@
 """A World's light as a deterministic list of point-like samples, each of which can have a shadow map.
 
-Point, spot and directional lights are one sample each. Emitting triangles and the environment are k samples each, spread by importance:
-strata of equal power over (triangle, side) or of equal radiance × solid angle over the sphere, placed by the R2 sequence inside.
-Sums over samples approach the integral as k grows; there is no random number, so the same World gives the same samples.
+Point, spot and directional lights are one sample each. Emitting triangles and the environment are k samples each, spread by
+importance: strata of equal power over (triangle, side), placed inside a triangle by its van der Corput points (Basu & Owen
+2015), or strata of equal radiance × solid angle over the sphere, placed inside a texel by the R2 sequence. Sums over samples
+approach the integral as k grows; there is no random number, so the same World gives the same samples.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderers.images import luminance
 from renderers.scene.model import Environment
@@ -23,8 +25,11 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 @dataclass(frozen=True, eq=False)
 class LightSample:
-    """position (3,), axis (3,): unit, the way light travels (area: the emitting side's normal). intensity (3,): W/sr × scale², or W/m²
-    (directional); an area sample's is multiplied by the cosine at its side. cosines: spot's inner and outer."""
+    """One point-like light.
+
+    position (3,); axis (3,): unit, the way light travels (area: the emitting side's normal). cosines: spot's inner and outer.
+    intensity (3,): W/sr × scale², an area sample's to be multiplied by the cosine at its side; directional: W/m².
+    """
 
     kind: Literal["point", "spot", "directional", "area"]
     position: F64
@@ -34,7 +39,10 @@ class LightSample:
 
 
 def light_samples(world: World, count: int) -> list[LightSample]:
-    """All light of the World; `count` samples for all emitting triangles together and as many for the environment, none where there is none."""
+    """All light of the World.
+
+    `count` samples for all emitting triangles together and as many for the environment, none where there is none.
+    """
     samples = [
         LightSample(light.kind, light.position, light.direction, light.intensity, (light.cos_inner, light.cos_outer))  # type: ignore[arg-type]
         for light in world.lights
@@ -55,9 +63,9 @@ def _area_samples(world: World, count: int) -> list[LightSample]:
     sides = np.concatenate([np.ones(len(emissive)), -np.ones(len(both))])
     radiance = world.materials.emission[world.material[triangles]].astype(np.float64)
     power = luminance(radiance) * world.areas[triangles]
-    chosen = _strata(power, count)
+    chosen, rest = _strata(power, count)
     weight = world.areas[triangles][chosen] * power.sum() / (power[chosen] * count)
-    points = _triangle_points(world.positions[world.triangles[triangles[chosen]]].astype(np.float64), _r2(count))
+    points = _triangle_points(world.positions[world.triangles[triangles[chosen]]].astype(np.float64), rest)
     normals = world.face_normals[triangles[chosen]] * sides[chosen, None]
     return [
         LightSample("area", y + LIFT * n, n, i)
@@ -80,8 +88,8 @@ def _environment_samples(environment: Environment, count: int) -> list[LightSamp
 def environment_radiance(environment: Environment, local: F64) -> F64:
     """Radiance (N, 3) from unit directions (N, 3) in the environment's own frame, +Y up.
 
-    Column centres lie at azimuth atan2(x, -z) / 2π = (i + 0.5) / W and wrap; rows at polar angle acos(y) / π = j / (H - 1), row 0 at +Y:
-    Mitsuba's `envmap` look-up, bilinear.
+    Column centres lie at azimuth atan2(x, -z) / 2π = (i + 0.5) / W and wrap; rows at polar angle acos(y) / π = j / (H - 1),
+    row 0 at +Y: Mitsuba's `envmap` look-up, bilinear.
     """
     radiance = np.asarray(environment.radiance, np.float64)
     if environment.image is None:
@@ -98,7 +106,7 @@ def environment_radiance(environment: Environment, local: F64) -> F64:
     return np.asarray((low * (1 - fy) + high * fy) * radiance)
 
 
-def _texel_directions(image: np.ndarray, u: F64) -> tuple[F64, F64]:  # type: ignore[type-arg]
+def _texel_directions(image: NDArray[np.float32], u: F64) -> tuple[F64, F64]:
     """Directions by the luminance of the cells between rows and around columns, and 1 / (p · count).
 
     A cell is chosen by its largest corner, so that wherever the bilinear look-up is above zero p is too.
@@ -110,7 +118,7 @@ def _texel_directions(image: np.ndarray, u: F64) -> tuple[F64, F64]:  # type: ig
     edges = np.cos(np.pi * np.arange(len(cells) + 1) / len(cells))
     share = cells * (edges[:-1] - edges[1:])[:, None]
     count = len(u)
-    chosen = _strata(share.ravel(), count)
+    chosen, _ = _strata(share.ravel(), count)
     j, i = np.divmod(chosen, width)
     cosine = edges[j] + u[:, 0] * (edges[j + 1] - edges[j])
     azimuth = (i + u[:, 1]) / width * 2 * np.pi
@@ -120,10 +128,16 @@ def _texel_directions(image: np.ndarray, u: F64) -> tuple[F64, F64]:  # type: ig
     return directions, solid * share.sum() / (share.ravel()[chosen] * count)
 
 
-def _strata(weight: F64, count: int) -> np.ndarray:  # type: ignore[type-arg]
-    """Index into `weight` at the middle of each of `count` equal parts of its sum, int (count,)."""
+def _strata(weight: F64, count: int) -> tuple[NDArray[np.intp], F64]:
+    """Index into `weight` at the middle of each of `count` equal parts of its sum, and where in that entry, in [0, 1).
+
+    Both (count,).
+    """
     total = np.cumsum(weight)
-    return np.minimum(np.searchsorted(total, (np.arange(count) + 0.5) / count * total[-1], side="right"), len(weight) - 1)
+    place = (np.arange(count) + 0.5) / count * total[-1]
+    index = np.minimum(np.searchsorted(total, place, side="right"), len(weight) - 1)
+    rest = (place - (total[index] - weight[index])) / weight[index]
+    return index, np.clip(rest, 0.0, 1.0 - 1e-12)
 
 
 def _r2(count: int) -> F64:
@@ -131,10 +145,16 @@ def _r2(count: int) -> F64:
     return np.asarray((0.5 + np.arange(1, count + 1)[:, None] * R2) % 1.0)
 
 
-def _triangle_points(corners: F64, u: F64) -> F64:
-    """Uniform points (N, 3) on triangles (N, 3, 3) from u (N, 2)."""
-    root = np.sqrt(u[:, :1])
-    return np.asarray(corners[:, 0] * (1 - root) + root * (corners[:, 1] * (1 - u[:, 1:]) + corners[:, 2] * u[:, 1:]))
+def _triangle_points(corners: F64, rest: F64) -> F64:
+    """Points (N, 3) in triangles (N, 3, 3): each base-4 digit of `rest` (N,) picks one of four quarters, 0 the middle one."""
+    for _ in range(8):
+        digit = np.floor(rest * 4).astype(int)
+        rest = rest * 4 - digit
+        middles = (np.roll(corners, -1, axis=1) + np.roll(corners, -2, axis=1)) / 2
+        # quarter k keeps corner k - 1 and moves the others half way to it
+        kept = corners[np.arange(len(corners)), np.maximum(digit - 1, 0)][:, None]
+        corners = np.where((digit == 0)[:, None, None], middles, (corners + kept) / 2)
+    return np.asarray(corners.mean(axis=1))
 
 
 def _sphere(u: F64) -> F64:

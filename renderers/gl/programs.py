@@ -15,7 +15,10 @@ SNIPPET = "snippet.glsl"
 
 
 def source(name: str, snippet: str = "", defines: tuple[str, ...] = ()) -> str:
-    """Complete GLSL text of `shaders/name`, with `#define X` for each name in `defines`; `#include "snippet.glsl"` stands for `snippet`."""
+    """Complete GLSL text of `shaders/name`, with `#define X` for each name in `defines`.
+
+    `#include "snippet.glsl"` stands for `snippet`.
+    """
     seen: set[str] = set()
 
     def insert(match: re.Match[str]) -> str:

@@ -1,13 +1,14 @@
 """Shadow maps: per texel the distance from the light to the first surface, float32, linear.
 
-Tiles. Directional light: one tile, parallel rays over the World's bounds. Spot: one tile as wide as its cone. Point light: six tiles, the
-faces of a cube. Area sample: five, the half cube in front of it. Tiles lie on top of one another in one R32F texture; a tile is wider than
-its share by a border, so percentage-closer filtering never looks across an edge.
+Tiles. Directional light: one tile, parallel rays over the World's bounds. Spot: one tile as wide as its cone. Point light:
+six tiles, the faces of a cube. Area sample: five, the half cube in front of it. Tiles lie on top of one another in one R32F
+texture; a tile is wider than its share by a border, so percentage-closer filtering never looks across an edge.
 
-Bias. The light's ray through a texel's centre is met with the receiver's own plane, and that distance is compared with the stored one, so a
-plane never shadows itself whatever its slope (a slope-scaled bias without a guessed slope; clamped to ±10 texel footprints). Where two
-surfaces meet, a texel's centre can lie on the other one: the receiver is lifted along its geometric normal by NORMAL_OFFSET texel
-footprints. Contact shadows are lost over about that width, and float rounding is covered by 1e-5 of the scene size.
+Bias. The light's ray through a texel's centre is met with the receiver's own plane, and that distance is compared with the
+stored one, so a plane never shadows itself whatever its slope (a slope-scaled bias without a guessed slope; clamped to ±40
+texel footprints). Where two surfaces meet, a texel's centre can lie on the other one: the receiver is lifted along its
+geometric normal by NORMAL_OFFSET texel footprints, more under PCF. Contact shadows are lost over about that width, and float
+rounding is covered by 1e-5 of the scene size.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from renderers.gl.programs import assign, program
 from renderers.gl.upload import upload
 from renderers.scene.world import F64, World
 
-NORMAL_OFFSET = 1.0
+NORMAL_OFFSET = 0.25
 NEAR = 1e-5  # under LIFT, so that an area sample's own triangle stays out of its map
 FAR_AWAY = 1e30
 WIDEST_SPOT = np.radians(60.0)  # half angle; beyond it a cube wastes less
@@ -59,7 +60,7 @@ class ShadowMap:
             shadow_origin=tuple(self.origin),
             shadow_centre=tuple(self.centre),
             shadow_half=tuple(self.half),
-            shadow_offset=NORMAL_OFFSET + taps,
+            shadow_offset=NORMAL_OFFSET * (1 + taps),
             shadow_taps=taps,
         )
 
@@ -120,8 +121,8 @@ def _tiles(light: LightSample, resolution: int, taps: int) -> tuple[F64, F64]:
 def _frame(axis: F64) -> F64:
     """Rotation (3, 3) that turns `axis` to -Z."""
     back = -axis / np.linalg.norm(axis)
-    helper = np.eye(3)[np.argmin(np.abs(back))]
-    right = np.cross(helper, back)
+    other = np.eye(3)[np.argmin(np.abs(back))]
+    right = np.cross(other, back)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(back, right), back])
 

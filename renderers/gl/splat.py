@@ -1,7 +1,8 @@
 """Additive splatting: each item reaches the pixels whose surface lies inside its sphere, and adds what a GLSL snippet says.
 
-An item is drawn as the screen-space bounds of its sphere, whatever the sphere's place (near the camera, around it, half off the screen);
-the fragment tests the sphere exactly against the G-buffer. Items are added in their order, so the bytes don't depend on threads.
+An item is drawn as the screen-space bounds of its sphere, whatever the sphere's place (near the camera, around it, half off
+the screen); the fragment tests the sphere exactly against the G-buffer. Items are added in their order, so the bytes don't
+depend on threads.
 """
 
 from __future__ import annotations

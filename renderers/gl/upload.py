@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import weakref
 from dataclasses import dataclass
 from functools import cache
@@ -37,7 +38,8 @@ MATERIALS, TRIANGLE_MATERIAL, VERTICES, INDICES, PAYLOAD, SPHERES = range(6)
 class Uploaded:
     """Buffers of one World. `runs`: (first triangle, count, texture index or -1) in triangle order.
 
-    vertices: position, normal, uv, interleaved float32; indices: uint32; both are pyrender's buffers, wrapped. `node`: pyrender's node.
+    vertices: position, normal, uv, interleaved float32; indices: uint32; both are pyrender's buffers, wrapped. `node`:
+    pyrender's node.
     """
 
     node: Any
@@ -89,7 +91,10 @@ def _scene() -> Any:
 
 
 def _pyrender_node(world: World) -> Any:
-    """Let pyrender upload the triangles, and delete those of Worlds that are gone. A World without triangles gets one of zero area."""
+    """Let pyrender upload the triangles, and delete those of Worlds that are gone.
+
+    A World without triangles gets one of zero area.
+    """
     import pyrender
 
     scene, kept = _scene(), {uploaded.node for uploaded in _uploads.values()}
@@ -143,7 +148,7 @@ def texture_runs(world: World) -> tuple[tuple[int, int, int], ...]:
         return ()
     texture = world.materials.texture[world.material]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(texture)) + 1, [len(texture)]])
-    return tuple((int(a), int(b - a), int(texture[a])) for a, b in zip(starts, starts[1:], strict=False))
+    return tuple((int(a), int(b - a), int(texture[a])) for a, b in itertools.pairwise(starts))
 
 
 def _texture(texture: Texture) -> Any:

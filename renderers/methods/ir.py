@@ -21,16 +21,17 @@ vpls (points and their shadowed direct irradiance), gbuffer, direct, gather.
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.frame import Frame
+from renderers.frame import Frame, Stopwatch
 from renderers.method import Claim, Context, Method, Settings, Transport, register, setting
 from renderers.scene.model import Scene
-from renderers.scene.world import World, rest_bounds
+from renderers.scene.world import LAMBERT, World, rest_bounds
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
@@ -93,14 +94,14 @@ class InstantRadiosity(Method):
             vpls = emit_vpls(world, settings.vpls, context.seed, settings.sampler, settings.light_samples, counters)
         direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
         indirect = np.zeros_like(direct)
-        k = settings.subpixels
+        k, on_gl = settings.subpixels, settings.backend == "gl"
         for index in range(k * k):
             offset = ((index % k + 0.5) / k, (index // k + 0.5) / k)
-            with watch("gbuffer", "prepare"):
+            with timed(watch, "gbuffer", "prepare", on_gl):
                 gbuffer = make_gbuffer(world, context.size, offset, settings.backend)
-            with watch("direct"):
+            with timed(watch, "direct", "render", settings.direct_visibility == "shadow-map"):
                 direct += direct_layer(world, gbuffer, settings, context.seed + (index << 32), counters)
-            with watch("gather"):
+            with timed(watch, "gather", "render", on_gl):
                 indirect += gather_vpls(world, gbuffer, vpls, settings, counters)
             counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
         layers = {"direct": (direct / k**2).astype(np.float32), "indirect": (indirect / k**2).astype(np.float32)}
@@ -123,13 +124,30 @@ def backend_of(backend: str, visibility: str, device: str) -> str:
 
 
 def warm_up(world: World, settings: Any) -> None:
-    """Compile kernels and build the ray caster, so that no measured pass pays for it."""
+    """Import, compile kernels or shaders, upload geometry and build the ray caster, so that no measured pass pays for it."""
+    import renderers.transport.primary
+    import renderers.transport.vpl  # noqa: F401
     from renderers.transport.gather import warm_up as compile_gather
     from renderers.transport.raycast import caster_of
 
     caster_of(world)
     if settings.backend == "cpu":
-        compile_gather(world, settings.visibility == "raycast")
+        compile_gather(settings.visibility == "raycast", bool((world.materials.kind != LAMBERT).any()))
+        return
+    from renderers.gl.gather import gather as gather_gl
+    from renderers.gl.gbuffer import render_gbuffer
+
+    light = np.zeros((1, 3), np.float32)
+    gather_gl(render_gbuffer(world, (1, 1)), world, light, light, light, 0.0)
+
+
+def timed(watch: Stopwatch, name: str, stage: Literal["prepare", "render"], on_gl: bool) -> contextlib.AbstractContextManager[None]:
+    """The stopwatch for a pass, with GPU seconds where it runs on GL."""
+    if not on_gl:
+        return watch(name, stage)
+    from renderers.gl.timers import timed as timed_gl
+
+    return timed_gl(watch, name, stage)
 
 
 def make_gbuffer(world: World, size: tuple[int, int], offset: tuple[float, float], backend: str) -> GBuffer:
@@ -150,7 +168,7 @@ def direct_layer(world: World, gbuffer: GBuffer, settings: Any, seed: int, count
     if settings.direct_visibility == "shadow-map":
         from renderers.gl.direct import direct as mapped
 
-        return emitted(world, gbuffer) + mapped(world, gbuffer)
+        return emitted(world, gbuffer) + mapped(world, gbuffer, light_samples=settings.light_samples)
     return emitted(world, gbuffer) + direct(world, gbuffer, settings.light_samples, seed, counters=counters)
 
 

@@ -1,7 +1,7 @@
 """Path tracing with Mitsuba 3: the yardstick that every method's speed against error is read from.
 
-Unidirectional path tracing, light and BRDF sampling combined by multiple importance sampling (Veach 1997), Russian roulette from depth 5.
-The image is the mean of `spp` paths a pixel; its error falls with 1/√spp, so "as good as `pt` in the same time" is a plain sentence.
+Unidirectional, light and BRDF sampling combined by multiple importance sampling (Veach 1997), Russian roulette from depth 5.
+The image is the mean of `spp` paths a pixel; its error falls with 1/√spp, which everyone can scale.
 
     L = (1/spp) Σ_k  Le + Σ_bounces throughput · (w_light f cos L_light / p_light  +  w_brdf f cos L_hit / p_brdf)
 
@@ -28,6 +28,8 @@ from renderers.method import Claim, Context, Method, Settings, Transport, regist
 from renderers.scene.model import Scene
 
 PILOT_SPP = 4
+PILOT_SHARE = 0.05
+MOST_SPP = 1 << 20
 SOURCE = "Kajiya 1986; Mitsuba 3"
 
 
@@ -35,7 +37,7 @@ class PathTracingSettings(Settings):
     """Settings of `pt`."""
 
     transport: Transport = setting("full", "light paths that are traced", source=SOURCE)
-    spp: int = setting(64, "paths a pixel", unit="paths/pixel", source=SOURCE, ge=1, le=1 << 20)
+    spp: int = setting(64, "paths a pixel", unit="paths/pixel", source=SOURCE, ge=1, le=MOST_SPP)
     seconds: float | None = setting(
         None, "time budget, turned into spp by a pilot when an evaluation is planned", unit="s", gt=0, le=86400
     )
@@ -60,15 +62,16 @@ class PathTracing(Method):
     def plan(self, scene: Scene, settings: PathTracingSettings, size: tuple[int, int], frame: int = 0) -> PathTracingSettings:
         """Settings whose `spp` fills `seconds` on this machine, by timing a pilot; unchanged without `seconds`.
 
-        The pilot's time is split into a fixed and a per-path part: t(s) = a + b·s from s and 4s paths a pixel.
+        The pilot is quadrupled until it takes PILOT_SHARE of the budget, then scaled up; its fixed cost counts with the paths.
         """
         if settings.seconds is None:
             return settings
-        few = self._timed(scene, settings, PILOT_SPP, size, frame)
-        many = self._timed(scene, settings, 4 * PILOT_SPP, size, frame)
-        each = max((many - few) / (3 * PILOT_SPP), many / (4 * PILOT_SPP) * 1e-3)
-        fixed = max(few - each * PILOT_SPP, 0.0)
-        spp = int(np.clip((settings.seconds - fixed) / each, 1, 1 << 20))
+        spp = PILOT_SPP
+        took = self._timed(scene, settings, spp, size, frame)
+        while took < PILOT_SHARE * settings.seconds and spp < MOST_SPP:
+            spp *= 4
+            took = self._timed(scene, settings, spp, size, frame)
+        spp = int(np.clip(spp * settings.seconds / max(took, 1e-9), 1, MOST_SPP))
         return settings.model_copy(update={"spp": spp, "seconds": None})
 
     def _timed(self, scene: Scene, settings: PathTracingSettings, spp: int, size: tuple[int, int], frame: int) -> float:

@@ -66,7 +66,7 @@ class GGX(mi.BSDF):  # type: ignore[misc, name-defined]
         half = dr.normalize(si.wi + wo)
         fresnel = _schlick(f0, dr.abs(dr.dot(si.wi, half)))
         a2 = dr.square(self.alpha)
-        # The textbook denominator (n·h)²(α² - 1) + 1 cancels in float32 for small α; this is the same number without the difference.
+        # The textbook denominator (n·h)²(α² - 1) + 1 cancels in float32 for small α; this is the same number without a difference.
         d = a2 * dr.inv_pi / dr.square(dr.square(half.x) + dr.square(half.y) + a2 * dr.square(half.z))
         root_v, root_l = (dr.sqrt(dr.square(n) * (1 - a2) + a2) for n in (nv, nl))
         vis = 0.5 / (nl * root_v + nv * root_l)

@@ -15,7 +15,7 @@ mi = mitsuba()
 
 
 class Phong(mi.BSDF):  # type: ignore[misc, name-defined]
-    """Plugin `luxmeter_phong`; properties diffuse (texture), specular (three floats), exponent, split: share of samples for the specular lobe."""
+    """Plugin `luxmeter_phong`; properties diffuse (texture), specular_{r,g,b}, exponent, split: share of specular samples."""
 
     def __init__(self, props: Any) -> None:
         mi.BSDF.__init__(self, props)

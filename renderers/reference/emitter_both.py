@@ -1,4 +1,8 @@
-"""Area emitter that shines from both sides of its mesh (Mitsuba's own `area` emits along the normal only, and `twosided` can't wrap emitters)."""
+"""Area emitter that shines from both sides of its mesh.
+
+Mitsuba's own `area` emits along the normal only, and `twosided` can't wrap emitters; a second, flipped mesh would
+fight with the first for every hit and waste half of the light samples.
+"""
 
 from __future__ import annotations
 

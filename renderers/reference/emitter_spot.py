@@ -17,7 +17,7 @@ LEAST_WIDTH = 1e-6
 
 
 class Spot(mi.Emitter):  # type: ignore[misc, name-defined]
-    """Plugin `luxmeter_spot`; properties position and axis (unit, the way the light travels) as ScalarPoint3f, intensity_{r,g,b} in W/sr, cos_inner, cos_outer."""
+    """Plugin `luxmeter_spot`; properties position, axis (unit), intensity_{r,g,b} in W/sr, cos_inner, cos_outer."""
 
     def __init__(self, props: Any) -> None:
         mi.Emitter.__init__(self, props)
@@ -41,8 +41,7 @@ class Spot(mi.Emitter):  # type: ignore[misc, name-defined]
         ds.d = ds.p - it.p
         ds.dist = dr.norm(ds.d)
         ds.d /= ds.dist
-        falloff = dr.square(dr.clip((dr.dot(-ds.d, self.axis) - self.cos_outer) / self.width, 0, 1))
-        return ds, dr.select(active, self.intensity * (falloff / dr.square(ds.dist)), 0)
+        return ds, self.eval_direction(it, ds, active)
 
     def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
         """0: no other technique finds a point."""
@@ -58,7 +57,7 @@ class Spot(mi.Emitter):  # type: ignore[misc, name-defined]
         return mi.Color3f(0)
 
     def bbox(self) -> Any:
-        """The light's position."""
+        """Empty: a point adds nothing to the bounds of a scene."""
         return mi.ScalarBoundingBox3f()
 
     def to_string(self) -> str:

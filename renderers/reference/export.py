@@ -1,13 +1,14 @@
 """World → Mitsuba scene: what Mitsuba traces is, triangle for triangle, what the other renderers draw.
 
-* One mesh a material, in World units (centre at the origin, half diagonal 1), so that Mitsuba's absolute ray offsets are relative to the scene.
-* Every BSDF is `twosided`. Lambert is Mitsuba's `diffuse`; Phong, GGX, textures, glTF spots and two-sided emitters are registered here.
-* Interpolated normals are kept, except on emissive meshes: Mitsuba turns the density per area of a light into one per solid angle with the
-  interpolated normal, which is right for the geometric one only.
-* Environment images: Mitsuba's `envmap` before rotation. +Y is the top row, -Z the left edge (u = 0), +X u = 1/4, +Z u = 1/2, -X u = 3/4:
-  u = atan2(x, -z) / 2π, texel column k spans [k, k + 1] / W; v = acos(y) / π, row k lies at v = k / (H - 1), so the first and last
-  row are the poles. A direction d of the World looks the image up at Rᵀd, R the matrix of `Environment.rotation`.
-* Only what is lit or seen is exported: lights of zero intensity, black emitters, black environments and unused materials are left out.
+* One mesh a material, in World units (centre at the origin, half diagonal 1): Mitsuba's absolute ray offsets become relative.
+* Every BSDF is `twosided`. Lambert is Mitsuba's `diffuse`; Phong, GGX, textures, glTF spots, two-sided emitters are our plugins.
+* Interpolated normals are kept, except on emissive meshes: Mitsuba turns the density per area of a light into one per solid angle
+  with the interpolated normal, which is right for the geometric one only.
+* Environment images are Mitsuba's `envmap` before rotation. +Y is the top row, -Z the left edge (u = 0), +X u = 1/4, +Z u = 1/2,
+  -X u = 3/4: u = atan2(x, -z) / 2π, texel column k spans [k, k + 1] / W; v = acos(y) / π, row k lies at v = k / (H - 1), so that
+  the first and last row are the poles; bilinear between. A direction d of the World looks the image up at Rᵀd, R the matrix of
+  `Environment.rotation`.
+* Only what is lit or seen is exported: lights of zero intensity, black emitters and environments, unused materials are left out.
 """
 
 from __future__ import annotations
@@ -144,7 +145,7 @@ def _environment(environment: Environment) -> dict[str, Any]:
 
 
 def _at_least_2x3(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The same function on a grid that Mitsuba takes. Tripled columns contain the centres of the old ones: linear pieces stay what they were."""
+    """The same function on a grid that Mitsuba takes: tripled columns contain the centres of the old ones, so its pieces stay."""
     height, width, _ = pixels.shape
     if width < 3:
         at = (np.arange(3 * width) + 0.5) / 3 - 0.5

@@ -61,7 +61,7 @@ class Reference:
         return float(np.sqrt(self.luminance_variance[self.surface].mean(dtype=np.float64)) / mean) if mean > 0 else 0.0
 
     def interval(self, level: float = 0.95) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Per-pixel confidence interval (low, high) of the mean luminance, float64 (H, W): Student's t with n - 1 degrees of freedom.
+        """Confidence interval (low, high) of each pixel's mean luminance, float64 (H, W): Student's t, n - 1 degrees of freedom.
 
         level lies in (0, 1). Raises ValueError otherwise.
         """

@@ -88,9 +88,7 @@ def grid_sizes(spp: int, largest: int = 256) -> list[int]:
     return sizes
 
 
-def _wavefront(
-    scene: Any, size: tuple[int, int], spp: int, seed: int, point: Point | None, top: int, rows: int
-) -> tuple[Any, Any]:
+def _wavefront(scene: Any, size: tuple[int, int], spp: int, seed: int, point: Point | None, top: int, rows: int) -> tuple[Any, Any]:
     """Sampler and camera rays of pixel rows top … top + rows: lane = (row · width + column) · spp + sample."""
     width, height = size
     lanes = width * rows * spp

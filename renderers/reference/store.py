@@ -1,8 +1,8 @@
 """Content-addressed folder of references that later calls continue.
 
-`<key>.npz` holds the exact float64 sums (EXR has no float64), n and the mask; `<key>.exr` is the picture for people and other programs: layers
-mean.*, variance.*, luminance_variance.Y, with n, spp and all parts of the key as attributes. Both are written to a temporary name
-and renamed, the EXR first, so whoever finds the sums finds the picture.
+`<key>.npz` holds the exact float64 sums (EXR has no float64), n and the mask; `<key>.exr` is the picture for people and other
+programs: layers mean.*, variance.*, luminance_variance.Y, with n and all parts of the key as attributes. Both are written to a
+temporary name and renamed, the EXR first, so whoever finds the sums finds the picture.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Base-colour image as a Mitsuba texture: bilinear between texel centres at (k + 0.5) / n, row 0 at v = 0 (glTF), wrap mode per axis.
+"""Base-colour image as a Mitsuba texture: bilinear between texel centres (k + 0.5) / n, row 0 at v = 0 (glTF), wrap mode per axis.
 
 Mitsuba's own `bitmap` has one wrap mode for both axes; glTF has two.
 """

@@ -3,7 +3,7 @@
 direct, one-bounce, full: Mitsuba's `path` with max_depth 2, 3 and unbounded; `full` plays Russian roulette from depth RR_DEPTH on,
 with survival min(0.95, largest throughput), weighted by its inverse: unbiased.
 
-one-bounce-unoccluded: direct + ∫ f(x, ω, v) cos θ Σ_k L_k(ω) dω, the sum over EVERY surface y_k that the ray (x, ω) pierces, L_k the
+one-bounce-unoccluded: direct + ∫ f(x, ω, v) cos θ Σ_k L_k(ω) dω, the sum over EVERY surface y_k that the ray pierces, L_k the
 direct light, shadow-tested, that y_k reflects towards x. ω is drawn from the receiver's BRDF (cosine-distributed for Lambert) and
 weighted f·cos/pdf. The variance is finite, unlike that of drawing y by area (1/d²). Emission of y_k is direct light and doesn't
 count again.

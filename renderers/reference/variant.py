@@ -2,8 +2,8 @@
 
 An LLVM that is too old (Debian's 15 and 16) does not raise an exception on the first kernel: it aborts the whole process. So the
 first question is asked in a child process, and its answer is kept, per process and in a small file keyed by the versions involved.
-There is no fall-back to `scalar_rgb`: scalar variants can't trace wavefronts of chosen rays (paths through pixel centres), and their
-Python-defined materials are 17 times slower. Without a working LLVM the error is the fix.
+There is no fall-back to `scalar_rgb`: scalar variants can't trace wavefronts of chosen rays (paths through pixel centres), and
+materials defined in Python are 17 times slower there. Without a working LLVM the error is the fix.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ReferenceUnavailable(RuntimeError):
 
 @dataclass(frozen=True)
 class Probe:
-    """Answer of the probe. ok: references can be rendered. llvm: what was asked for and found. message: one line for the doctor, with the fix."""
+    """Answer of the probe. ok: references can be rendered. llvm: the library found. message: one line, with the fix."""
 
     ok: bool
     variant: str

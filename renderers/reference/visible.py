@@ -18,8 +18,9 @@ mi = mitsuba()
 def first_hits(world: World, size: tuple[int, int]) -> dict[str, NDArray[Any]]:
     """First hits through the pixel centres in World units; zeros where there is none. `size` is (width, height).
 
-    coverage, emitter bool (H, W): a surface is hit; it belongs to an emissive material. position float32 (H, W, 3). normal float32 (H, W, 3): unit
-    interpolated normal, turned to the viewer. albedo float32 (H, W, 3): base colour × texture (Phong: the diffuse colour).
+    coverage, emitter bool (H, W): a surface is hit; it belongs to an emissive material. position float32 (H, W, 3).
+    normal float32 (H, W, 3): unit interpolated normal, turned to the viewer (the geometric one on emitters).
+    albedo float32 (H, W, 3): base colour × texture (Phong: the diffuse colour).
     """
     return hits_of(mitsuba_scene(world, size), size)
 

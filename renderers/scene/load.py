@@ -20,7 +20,8 @@ def builtin_scenes() -> dict[str, str]:
 def load_scene(name: str | os.PathLike[str], *, photometric: bool = False, **parameters: object) -> Scene:
     """A built-in scene by name (with its parameters), or a file: .glb, .gltf, .obj, .ply, or a folder name under LUXMETER_SCENES.
 
-    photometric divides light intensities of a file by 683 (candela and lux to radiometric units). Raises SceneError.
+    photometric divides light intensities and emission of a glTF file by 683 (candela, lux and nits to radiometric units).
+    Raises SceneError.
     """
     from renderers.scene.builtin import BUILTIN
 

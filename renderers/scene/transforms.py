@@ -59,7 +59,7 @@ def _ancestors(nodes: tuple[Node, ...], start: int, done: dict[int, F64]) -> lis
 def rest_bounds(scene: Scene) -> tuple[F64, float]:
     """Centre (3,) and half diagonal in metres of the unanimated geometry's bounding box; (0, 1) for an empty scene.
 
-    Only vertices that a triangle uses count. A half diagonal that leaves float64 comes back infinite or NaN.
+    Only vertices that a triangle uses count. A half diagonal that leaves float64 comes back infinite.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     boxes = [_corners(mesh.positions[mesh.triangles.reshape(-1)]) for mesh in scene.meshes]
@@ -73,8 +73,10 @@ def rest_bounds(scene: Scene) -> tuple[F64, float]:
                 )
         if np.all(np.isinf(low) & (low > 0)):
             return np.zeros(3), 1.0
-        radius = float(np.linalg.norm(high - low) / 2)
-    return (low + high) / 2, 1.0 if radius == 0 else radius
+        centre, radius = (low + high) / 2, float(np.linalg.norm(high - low) / 2)
+    if not np.isfinite(radius):
+        return centre, np.inf
+    return centre, 1.0 if radius == 0 else radius
 
 
 def _corners(points: NDArray[np.float32]) -> F64:

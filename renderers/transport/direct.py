@@ -130,14 +130,18 @@ def _received(receivers: Receivers, sample: Incident, caster: RayCaster | None) 
     if caster is not None:
         rows = np.flatnonzero(reached)
         rays = len(rows)
-        origin = off_surface(receivers.position[rows], receivers.geometric[rows], sample.direction[rows])
-        reach = np.minimum(sample.distance[rows] * (1 - OFFSET) - OFFSET, FAR).astype(np.float32)
-        near = reach <= 0
-        blocked = caster.occluded_unthreaded(
-            origin.astype(np.float32), sample.direction[rows].astype(np.float32), np.maximum(reach, np.float32(1e-30))
-        )
-        reached[rows[blocked & ~near]] = False
+        reached[rows[_shadowed(receivers.position[rows], receivers.geometric[rows], sample, rows, caster)]] = False
     return np.where(reached[:, None], sample.weight * cosine[:, None], 0.0), rays
+
+
+def _shadowed(position: F64, geometric: F64, sample: Incident, rows: NDArray[np.intp], caster: RayCaster) -> NDArray[np.bool_]:
+    """Whether the way to the light is blocked; aimed anew from the moved origin, so that it ends at the light, not behind it."""
+    direction, distance = sample.direction[rows], sample.distance[rows]
+    origin = off_surface(position, geometric, direction)
+    distant = np.isinf(distance)
+    aim = np.where(distant[:, None], direction, position + direction * np.where(distant, 0, distance)[:, None] - origin)
+    reach = np.where(distant, FAR, 1 - OFFSET)
+    return caster.occluded_unthreaded(origin.astype(np.float32), aim.astype(np.float32), reach.astype(np.float32))
 
 
 def _brdf(materials: Materials, normal: F64, light: F64, view: F64) -> F64:

@@ -8,6 +8,7 @@ Laurent 2018, equations 2.19 and 4.2 (baseline instant radiosity, Keller 1997). 
 from __future__ import annotations
 
 from collections import Counter
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from renderers.gbuffer import GBuffer
 from renderers.scene.world import LAMBERT, World
 from renderers.transport.brdf import Materials, materials_at
 from renderers.transport.kernels import add_visible, facing_pairs, gather_general, gather_lambert
-from renderers.transport.raycast import OFFSET, RayCaster, caster_of
+from renderers.transport.raycast import OFFSET, RayCaster
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
@@ -58,8 +59,9 @@ def gather(
 ) -> F32:
     """Light of L VPLs at every pixel, float32 (H, W, 3), 0 on the background. The same bytes at any thread count.
 
-    positions, normals (unit), intensities: float32 (L, 3). eps_b ≥ 0: clamp on the squared distance, World units². With a caster each
-    facing pair is tested for occlusion (exact), without one none is. counters: adds `light_evaluations` (pixels × lights), `rays`.
+    positions, normals (unit), intensities: float32 (L, 3). eps_b ≥ 0: clamp on the squared distance, World units². With a caster
+    each facing pair is tested for occlusion (exact), without one none is. counters: adds `light_evaluations` (pixels × lights)
+    and `rays`.
     """
     pixels = pixels_of(gbuffer, world)
     lights = np.ascontiguousarray(np.concatenate([positions, normals, intensities], axis=1).T, np.float32)
@@ -86,19 +88,21 @@ def pixels_of(gbuffer: GBuffer, world: World) -> Pixels:
     return Pixels(position, gbuffer.normal.reshape(-1, 3)[rows], geometric, view, materials, rows)
 
 
-def warm_up(world: World, occluded: bool) -> None:
-    """Compile (or load from numba's cache) the kernels that `gather` will use for this World."""
+@cache
+def warm_up(occluded: bool, glossy: bool) -> None:
+    """Compile (or load from numba's cache) the kernels that `gather` will use; once a process."""
     point, three = np.zeros((1, 3), np.float32), np.zeros((1, 3))
     one = np.zeros(1)
-    lambert = Materials(np.zeros(1, np.int32), three, three, one, one, one + 1)
-    pixels = Pixels(point, point, point, three, lambert, np.zeros(1, np.intp))
-    lights = np.zeros((9, 1), np.float32)
+    materials = Materials(np.zeros(1, np.int32), three, three, one, one, one + 1)
+    lights, none = np.zeros((9, 1), np.float32), np.float32(0)
     if occluded:
-        _occluded(pixels, lights, np.float32(0), caster_of(world))
+        pairs = np.zeros((1, 2), np.int32)
+        facing_pairs(point, point, point, lights, 0, 1, none, pairs, point.copy(), point.copy())
+        add_visible(point, point, three, *materials, lights, none, pairs, np.ones(1, bool), three.copy())
         return
-    gather_lambert(point, point, lights, np.float32(0), np.zeros((1, 3)))
-    if (world.materials.kind != LAMBERT).any():
-        gather_general(point, point, three, *lambert, lights, np.float32(0), np.zeros((1, 3)))
+    gather_lambert(point, point, lights, none, three.copy())
+    if glossy:
+        gather_general(point, point, three, *materials, lights, none, three.copy())
 
 
 def _unoccluded(pixels: Pixels, lights: F32, eps_b: np.float32) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from renderers.images import LUMA
 from renderers.scene.world import World, WorldLight
@@ -54,8 +55,6 @@ class Lights:
 
     @cached_property
     def _sobol(self) -> F64:
-        from scipy.stats import qmc
-
         power = max(self.samples - 1, 0).bit_length()
         return np.asarray(qmc.Sobol(3, scramble=False).random_base2(power)[: self.samples])
 

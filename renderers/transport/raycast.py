@@ -42,18 +42,14 @@ class RayCaster:
 
     def __init__(self, world: World) -> None:
         self._scene = EmbreeScene(robust=True)
-        self._empty = not len(world.triangles)
-        if not self._empty:
-            vertices = np.ascontiguousarray(world.positions, np.float32)
-            self._mesh = TriangleMesh(self._scene, vertices, np.ascontiguousarray(world.triangles, np.int32))
+        vertices = np.ascontiguousarray(world.positions, np.float32)
+        self._mesh = TriangleMesh(self._scene, vertices, np.ascontiguousarray(world.triangles, np.int32))
 
     def first_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
         """Closest hits along rays; origins, directions (N, 3), directions of any length. Callers move origins off surfaces."""
         o, d = _rays(origins, directions)
         n = len(o)
         hits = Hits(np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32), np.zeros(n, np.float32))
-        if self._empty or not n:
-            return hits
 
         def cast(part: slice) -> None:
             found = self._scene.run(o[part], d[part], output=1)
@@ -70,8 +66,6 @@ class RayCaster:
         o, d = _rays(origins, directions)
         n = len(o)
         blocked = np.zeros(n, bool)
-        if self._empty or not n:
-            return blocked
         reach = np.minimum(np.broadcast_to(np.asarray(distances, np.float32), (n,)), FAR)
 
         def cast(part: slice) -> None:
@@ -84,8 +78,8 @@ class RayCaster:
         self, origins: NDArray[np.float32], directions: NDArray[np.float32], distances: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """`occluded` in the calling thread, for callers that run their own threads; C-contiguous float32 arrays."""
-        if self._empty or not len(origins):
-            return np.zeros(len(origins), bool)
+        if not len(origins):
+            return np.zeros(0, bool)
         return np.asarray(self._scene.run(origins, directions, distances, query="OCCLUDED") == 0)
 
 

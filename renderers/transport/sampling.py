@@ -11,6 +11,7 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from renderers.scene.world import World
 
@@ -44,8 +45,6 @@ def uniform_numbers(count: int, dimensions: int, rng: np.random.Generator, sampl
     """Points in [0, 1)^d, float64 (count, d): independent, or a Sobol' sequence with Owen scrambling (each point is uniform)."""
     if sampler == "uniform":
         return rng.random((count, dimensions))
-    from scipy.stats import qmc
-
     power = max(count - 1, 0).bit_length()
     points = qmc.Sobol(dimensions, scramble=True, bits=32, rng=rng).random_base2(power)[:count]
     return np.asarray(np.minimum(points, np.nextafter(1.0, 0.0)))
@@ -54,11 +53,7 @@ def uniform_numbers(count: int, dimensions: int, rng: np.random.Generator, sampl
 def surface_points(world: World, count: int, seed: int, sampler: Sampler = "uniform") -> SurfacePoints:
     """`count` area-uniform points on all surfaces of a World (density 1/|S|): triangle by cumulative area, square folded into it.
 
-    b, c ∈ [0, 1): V0 + b·V01 + c·V02 if b + c < 1, else V0 + (1-b)·V02 + (1-c)·V01 (thesis Laurent 2018, algorithm 2).
-    Raises ValueError for a World without triangles.
-    """
-    if not len(world.triangles):
-        raise ValueError("a world without triangles has no surface points")
+    b, c ∈ [0, 1): V0 + b·V01 + c·V02 if b + c < 1, else V0 + (1-b)·V02 + (1-c)·V01 (thesis Laurent 2018, algorithm 2)."""
     numbers = uniform_numbers(count, 3, generator(seed, "surface points"), sampler)
     return fold(pick(world.areas, numbers[:, 0]), numbers[:, 1], numbers[:, 2])
 

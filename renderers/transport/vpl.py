@@ -48,9 +48,6 @@ def emit_vpls(
     counters: Counter[str] | None = None,
 ) -> Vpls:
     """VPLs of `count` points. counters: `vpls_drawn`, `vpls_lit` and `rays` are added to."""
-    if not len(world.triangles):
-        nothing = np.zeros((0, 3), np.float32)
-        return Vpls(nothing, nothing, nothing, np.zeros(0, np.int64), count)
     points = surface_points(world, count, seed, sampler)
     surface = surface_at(world, *points)
     albedo = surface.base

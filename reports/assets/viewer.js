@@ -243,7 +243,8 @@ const luxmeter = (() => {
     moveProbe([dx, dy]) {
       const probe = this.state.probe ?? { x: Math.floor(this.width / 2), y: Math.floor(this.height / 2) };
       const clamp = (v, n) => Math.min(Math.max(v, 0), n - 1);
-      this.set({ probe: { x: clamp(probe.x + dx, this.width), y: clamp(probe.y + dy, this.height) } });
+      const moved = { x: clamp(probe.x + dx, this.width), y: clamp(probe.y + dy, this.height) };
+      this.set({ probe: moved, split: ((moved.x + 0.5) / this.width - this.state.x) * this.state.zoom + 0.5 });
     }
 
     // Keeps the given pixel where it is on the screen.

@@ -55,9 +55,9 @@ def evaluate(
         console.print(f"{cell.state}: {cell.id}: {cell.error}", markup=False, highlight=False)
     if json:
         print_json(evaluation.model_dump(mode="json"))
-    else:
+    elif (out / "index.html").is_file():
         print(out / "index.html")
-    return 1 if failed else 0
+    return 1 if failed or not (out / "index.html").is_file() else 0
 
 
 def build(

@@ -91,8 +91,8 @@ def make(
                     failed = (s, m) in failing
                     cells.append(
                         Cell(
-                            id=cell_id, scene=scene, method=method, label=label, settings=settings, seed=seed, frame=frame, width=size[0],
-                            height=size[1], transport=transport, state="failed" if failed else "done",
+                            id=cell_id, scene=scene, method=method, label=label, settings=settings, seed=seed, frame=frame,
+                            width=size[0], height=size[1], transport=transport, state="failed" if failed else "done",
                             error="UnsupportedScene: ir can't render this scene: needs <environment>" if failed else None,
                         )
                     )  # fmt: skip
@@ -109,9 +109,8 @@ def make(
                     wall = seconds * (1 + 0.05 * seed) * (1 + 0.2 * s)
                     result = Result(
                         scene=scene, scene_hash=infos[-1].hash, method=method, label=label, settings=settings,
-                        settings_hash=hashlib.sha256(json.dumps(settings).encode()).hexdigest(), seed=seed, frame=frame, width=size[0],
-                        height=size[1], transport=transport, metrics=metrics, noise_floor=floors,
-                        timings=[
+                        settings_hash=hashlib.sha256(json.dumps(settings).encode()).hexdigest(), seed=seed, frame=frame,
+                        width=size[0], height=size[1], transport=transport, metrics=metrics, noise_floor=floors, timings=[
                             {"name": "warm", "wall_s": 9.0, "cpu_s": 9.0, "gpu_s": None, "calls": 1, "stage": "prepare"},
                             {"name": "shade", "wall_s": wall, "cpu_s": 1.8 * wall, "gpu_s": None, "calls": 1, "stage": "render"},
                         ],

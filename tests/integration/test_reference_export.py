@@ -134,7 +134,7 @@ def test_spot_falls_off_as_gltf_says(inner: float, outer: float) -> None:
 
 @pytest.mark.parametrize("both", [False, True])
 def test_emission_leaves_the_front_and_the_back_only_if_both(both: bool) -> None:
-    """A small lamp between two plates, facing down: what the camera sees of it, and what it sends up and down (closed form 1/d²)."""
+    """A small lamp between two plates, facing down: what is seen of it, and what it sends up and down (1/d²)."""
     half, albedo, radiance = 0.02, 0.5, 100.0
     b = SceneBuilder("lamp")
     white = b.material(Lambert("white", (albedo,) * 3))
@@ -171,7 +171,7 @@ def test_two_sided_emission_is_without_noise_where_it_is_seen() -> None:
 
 
 def lambert_irradiance(corners: NDArray[np.float64], normal: NDArray[np.float64]) -> float:
-    """Irradiance at the origin from a triangle (3, 3) of radiance 1, all above the horizon (Lambert 1760): ½ Σ angle · (edge normal · n)."""
+    """Irradiance at the origin from a triangle of radiance 1 above the horizon (Lambert 1760): ½ Σ angle · (edge normal · n)."""
     total = 0.0
     unit = corners / np.linalg.norm(corners, axis=1, keepdims=True)
     for p, q in zip(unit, np.roll(unit, -1, axis=0), strict=True):
@@ -182,7 +182,7 @@ def lambert_irradiance(corners: NDArray[np.float64], normal: NDArray[np.float64]
 
 
 def test_sphere_light_gives_the_irradiance_of_its_facets() -> None:
-    """Its interpolated normals must not bias the sampling: the sum over facets that face the point is exact (the solid is convex)."""
+    """Interpolated normals must not bias the sampling; the sum over facets that face the point is exact (convex solid)."""
     from renderers.scene.shapes import sphere
 
     b = SceneBuilder("sphere")
@@ -190,7 +190,7 @@ def test_sphere_light_gives_the_irradiance_of_its_facets() -> None:
     b.light(SphereLight(intensity=10.0, radius=0.3), (0.0, 1.0, 0.0))
     b.camera((0.6, 0.5, 0), (0, 0, 0), 0.005)
     positions, _, triangles = sphere(0.3)
-    corners = (positions.astype(np.float64) + [0, 1, 0])[triangles]
+    corners = (positions.astype(np.float64) + np.array([0, 1, 0]))[triangles]
     facing = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * corners[:, 0]).sum(axis=1) < 0
     irradiance = 10 * sum(lambert_irradiance(c, np.array([0, 1, 0])) for c in corners[facing])
     assert irradiance == pytest.approx(np.pi * 10 * 0.3**2, rel=0.01)
@@ -254,7 +254,7 @@ def test_textured_floor_shows_its_texels() -> None:
 @pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.0, 1.0), (0.0, 0.6, 0.0, 0.8), (0.5, -0.5, 0.5, 0.5)])
 @pytest.mark.parametrize("texel", [(4, 3), (8, 12)])
 def test_environment_texel_appears_where_it_should(texel: tuple[int, int], rotation: tuple[float, float, float, float]) -> None:
-    """One bright texel at (row, column) of 17 x 16: the camera sees it along R · (sin u sin v, cos v, -cos u sin v) and nowhere else."""
+    """One bright texel at (row, column) of 17 x 16: seen along R · (sin u sin v, cos v, -cos u sin v), nowhere else."""
     row, column = texel
     image = np.zeros((17, 16, 3), np.float32)
     image[row, column] = (3, 2, 1)

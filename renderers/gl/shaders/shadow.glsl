@@ -33,7 +33,7 @@ float receiver_distance(vec3 p, vec3 g, vec2 s, float own, float footprint) {
         float facing = dot(g, c);
         receiver = abs(facing) > 1e-6 ? dot(g, p) / facing * length(c) : own;
     }
-    return clamp(receiver, own - 10.0 * footprint, own + 10.0 * footprint);
+    return clamp(receiver, own - 40.0 * footprint, own + 40.0 * footprint);
 }
 
 // Share of the light's rays that reach x, whose geometric normal is g (either side).

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from renderers.scene.builtin.boxes import cube_in_a_box, moving_light
 from renderers.scene.builtin.colonnade import colonnade
 from renderers.scene.builtin.cornell import cornell_box, cornell_glossy
+from renderers.scene.builtin.empty_room import empty_room
 from renderers.scene.builtin.enclosures import furnace, sphere_in_sphere
 from renderers.scene.builtin.gears import gears
 from renderers.scene.builtin.kite import kite
@@ -23,6 +24,7 @@ BUILTIN: dict[str, Callable[..., Scene]] = {
     "cornell-box": cornell_box,
     "cornell-glossy": cornell_glossy,
     "cube-in-a-box": cube_in_a_box,
+    "empty-room": empty_room,
     "furnace": furnace,
     "gears": gears,
     "kite": kite,

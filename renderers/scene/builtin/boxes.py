@@ -18,7 +18,7 @@ FPS = 24.0
 
 @checked(period=(2, 100_000))
 def cube_in_a_box(period: int = 400) -> Scene:
-    """Cube that moves on an ellipse and turns inside a closed coloured box with a point light: 24 triangles, `period` frames a round."""
+    """Cube that moves on an ellipse and turns in a closed box with a point light: 24 triangles, `period` frames a round."""
     b = SceneBuilder("cube-in-a-box")
     white, red, green, blue = _paints(b)
     open_room(b, (-1, 0, -1), (1, 2, 1), white=white, left=red, right=green, front=white)

@@ -1,13 +1,12 @@
 """A two-floor atrium with arcades, curtains and an open roof: most of it is lit by indirect light.
 
-The court runs along X (24 m) between two arcades at z = ±4 m; behind each lies a 3 m deep aisle, on two floors. `triangles` is met by
-one number, the detail, which scales every tessellation; it is found by bisection on the counted triangles.
+The court runs along X (24 m) between two arcades at z = ±4 m; behind each lies a 3 m deep aisle, on two floors. `triangles` is
+met by one number, the detail, which scales every tessellation; it is found by bisection on the counted triangles.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderers.scene.builder import SceneBuilder, look_rotation
 from renderers.scene.builtin import colonnade_parts as parts
@@ -20,21 +19,22 @@ GROUND, GALLERY, ROOF = 5.5, 5.9, 10.5
 UPPER = (ROOF - GALLERY) / GROUND
 PAINTS = {
     "stone": (0.58, 0.52, 0.43), "plaster": (0.66, 0.60, 0.50), "light tile": (0.55, 0.49, 0.40), "dark tile": (0.30, 0.24, 0.19),
-    "red cloth": (0.60, 0.06, 0.05), "green cloth": (0.08, 0.32, 0.12), "blue cloth": (0.06, 0.14, 0.45), "bronze": (0.40, 0.26, 0.12),
+    "red cloth": (0.60, 0.06, 0.05), "green cloth": (0.08, 0.32, 0.12), "blue cloth": (0.06, 0.14, 0.45),
+    "bronze": (0.40, 0.26, 0.12),
 }  # fmt: skip
 
 
 @checked(triangles=(20_000, 2_500_000))
 def colonnade(triangles: int = 200_000, sky: bool = False) -> Scene:
-    """Two-floor atrium of arches, columns and coloured curtains under an open roof: sun on the floor, indirect light everywhere else.
+    """Two-floor atrium of arches, columns and curtains under an open roof: sun on the floor, indirect light everywhere else.
 
     `triangles` is met within 10 % (20,000 to 2,500,000). `sky` adds a constant blue environment of radiance (0.35, 0.5, 0.8).
     """
     low, high = 0.05, 20.0
     for _ in range(18):
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if _assemble(middle, sky).count < triangles else (low, middle)
-    b = _assemble(high, sky)
+        low, high = (middle, high) if _assemble(middle).count < triangles else (low, middle)
+    b = _assemble(high)
     b.light(DirectionalLight("sun", (1.0, 0.93, 0.80), 18.0), rotation=look_rotation((0.32, -1.0, -0.30)))
     if sky:
         b.environment = Environment((0.35, 0.5, 0.8))
@@ -50,7 +50,7 @@ class _Atrium(SceneBuilder):
         return sum(len(self.meshes[i].triangles) for node in self.nodes for i in node.meshes)
 
 
-def _assemble(detail: float, sky: bool) -> _Atrium:
+def _assemble(detail: float) -> _Atrium:
     b = _Atrium("colonnade")
     paint = {name: b.material(Lambert(name, color)) for name, color in PAINTS.items()}
     _shell(b, paint, detail)
@@ -109,5 +109,3 @@ def _furnish(b: _Atrium, paint: dict[str, int], detail: float) -> None:
                 b.node(name="banner", meshes=(banners[kind],), translation=(x - 0.65, 4.1, z * 0.9))
     b.place(parts.pedestal(detail), paint["stone"], "pedestal", translation=(-4.6, 0.0, 0.9))
     b.place(parts.knot(detail), paint["bronze"], "knot", translation=(-4.6, 2.05, 0.9))
-
-

@@ -1,4 +1,4 @@
-"""Parts of the colonnade. `detail` 1 is about 250,000 triangles in all; segment counts scale with it, down to a floor that keeps shapes."""
+"""Parts of the colonnade. Segment counts scale with `detail` (1 is about 200,000 triangles in all), down to what keeps a shape."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def slab(low: Point, high: Point, cell: float) -> Shape:
 
 
 def wall(start: Point, end: Point, height: float, cell: float) -> Shape:
-    """Vertical rectangle over the foot start..end; its front is on the left of the way from start to end, seen from above with +Z down."""
+    """Vertical rectangle over the foot start..end; its front faces (end - start) × up."""
     up = np.array([0.0, height, 0.0])
     a, b = np.array(start), np.array(end)
     cut = max(1, round(height / cell)), max(1, round(float(np.linalg.norm(b - a)) / cell))
@@ -69,9 +69,8 @@ def arch(bay: float, top: float, detail: float) -> Shape:
     front = grid(face)
     back = flipped(grid(face * (1, 1, -1)))
     across = np.linspace(0.25, -0.25, count(4, detail, 1) + 1)[:, None]
-    ribs = [np.stack([np.broadcast_to(x[s], (len(across), len(x[s]))), np.broadcast_to(y[s], (len(across), len(x[s]))),
-                      np.broadcast_to(across, (len(across), len(x[s])))], axis=-1) for s in (slice(0, 2), slice(1, -1), slice(-2, None))]  # fmt: skip
-    return merge(front, back, *(grid(rib) for rib in ribs))
+    soffit = np.stack(np.broadcast_arrays(x, y, across), axis=-1)
+    return merge(front, back, *(grid(soffit[:, part]) for part in (slice(0, 2), slice(1, -1), slice(-2, None))))
 
 
 def balustrade(bay: float, detail: float) -> Shape:
@@ -87,9 +86,9 @@ def balustrade(bay: float, detail: float) -> Shape:
 def curtain(width: float, height: float, detail: float) -> Shape:
     """Gathered single-sheet cloth from x = 0 to `width`, tied at two fifths of its height."""
     u = np.linspace(0, 1, count(70, detail, 40) + 1)[None, :]
-    v = np.linspace(1, 0, count(18, detail, 5) + 1)[:, None]
+    v = np.linspace(1, 0, count(18, detail, 7) + 1)[:, None]
     waist = 1 - 0.55 * np.exp(-(((v - 0.4) / 0.16) ** 2))
-    fold = 0.075 * np.sin(2 * np.pi * 4 * u + 1.5 * np.sin(3 * v)) * (0.55 + 0.45 * waist)
+    fold = 0.065 * np.sin(2 * np.pi * 4 * u + 1.5 * np.sin(3 * v)) * (0.55 + 0.45 * waist)
     return grid(np.stack([width * u * waist, np.broadcast_to(height * v, fold.shape), fold], axis=-1))
 
 

@@ -6,6 +6,8 @@ observer. The walls aren't quite square: the left one leans by 3 mm, as publishe
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from renderers.scene.builder import SceneBuilder
@@ -26,7 +28,7 @@ TALL = ((0.423, 0.247), (0.265, 0.296), (0.314, 0.456), (0.472, 0.406))
 
 @checked(light=("point", "area"))
 def cornell_box(light: str = "point") -> Scene:
-    """Cornell box with measured dimensions and reflectances; `light`: point (0.05 m under the ceiling) or area (the measured lamp)."""
+    """Cornell box with measured dimensions and reflectances; `light`: point (near the ceiling) or area (the measured lamp)."""
     return _box("cornell-box", light, Lambert("back", WHITE))
 
 
@@ -34,10 +36,10 @@ def cornell_box(light: str = "point") -> Scene:
 def cornell_glossy(light: str = "point", exponent: float = 20.0) -> Scene:
     """Cornell box whose back wall is glossy: Phong of `exponent` 20, diffuse 0.2 and specular 0.6, the other walls as measured."""
     back = Phong("back", diffuse=(0.2, 0.2, 0.2), specular=(0.6, 0.6, 0.6), exponent=exponent)
-    return _box("cornell-glossy", light, back, exponent=exponent)
+    return replace(_box("cornell-glossy", light, back), parameters={"light": light, "exponent": exponent})
 
 
-def _box(name: str, light: str, back: Material, **parameters: object) -> Scene:
+def _box(name: str, light: str, back: Material) -> Scene:
     b = SceneBuilder(name)
     white, red, green = (b.material(Lambert(n, c)) for n, c in (("white", WHITE), ("red", RED), ("green", GREEN)))
     y, z = HEIGHT, DEPTH
@@ -55,7 +57,7 @@ def _box(name: str, light: str, back: Material, **parameters: object) -> Scene:
         for (ax, az), (bx, bz) in zip(ring, ring[1:] + ring[:1], strict=True):
             b.quad([(ax, height, az), (ax, 0, az), (bx, 0, bz), (bx, height, bz)], white, label)
     b.camera((0.278, 0.273, -0.800), (0.278, 0.273, 0.0), YFOV)
-    return b.build(light=light, **parameters)
+    return b.build(light=light)
 
 
 def _ceiling_with_lamp(b: SceneBuilder, white: int) -> None:

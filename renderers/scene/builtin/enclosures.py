@@ -15,8 +15,8 @@ from renderers.scene.shapes import Shape, sphere
 def furnace(albedo: float = 0.5, emission: float = 1.0, shape: str = "clutter") -> Scene:
     """White furnace: closed room, all surfaces of one albedo and emission; radiance is exactly emission / (1 - albedo) everywhere.
 
-    `shape`: box, sphere, or clutter (a box that holds a sphere and two blocks: concave corners, contacts, occlusion; the answer is the
-    same). Exact: `exact.furnace_radiance(albedo, emission)`.
+    `shape`: box, sphere, or clutter (a box that holds a sphere and two blocks: concave corners, contacts, occlusion; the answer
+    is the same). Exact: `exact.furnace_radiance(albedo, emission)`.
     """
     b = SceneBuilder("furnace")
     grey = b.material(Lambert("grey", albedo=(albedo,) * 3, emission=(emission,) * 3, double_sided=False))
@@ -38,9 +38,10 @@ def sphere_in_sphere(
 ) -> Scene:
     """Black emitting sphere, or point light, in the centre of a closed diffuse sphere of radius 1: irradiance is uniform and exact.
 
-    source sphere: `exact.enclosed_sphere_irradiance(inner, 1, albedo, radiance, bounces)`; source point (`radiance` is its intensity):
-    `exact.integrating_sphere_irradiance(1, albedo, radiance, bounces)`. Outgoing radiance is albedo / π times that. Both spheres are
-    facets of exact total area; the mean over the sphere is exact for source sphere, single facets deviate by O(1 / segments²).
+    source sphere: `exact.enclosed_sphere_irradiance(inner, 1, albedo, radiance, bounces)`; source point (`radiance` is its
+    intensity): `exact.integrating_sphere_irradiance(1, albedo, radiance, bounces)`. Outgoing radiance is albedo / π times that.
+    Both spheres are facets of exact total area; the mean over the sphere is exact for source sphere, single facets deviate by
+    O(1 / segments²).
     """
     b = SceneBuilder("sphere-in-sphere")
     wall = b.material(Lambert("wall", albedo=(albedo,) * 3))

@@ -12,7 +12,8 @@ def polygon_irradiance(points: ArrayLike, normal: ArrayLike, corners: ArrayLike,
     """Irradiance (...,) at points (..., 3) with unit `normal` (3,) from a convex Lambertian polygon (K, 3) of `radiance`.
 
     Lambert's formula E = L/2 · Σ Θ_i (Γ_i·n), Θ_i the angle under which edge i is seen, Γ_i the unit normal of the plane through it
-    and the point. The polygon must lie in the upper half space of each point (touching the horizon is allowed); its side doesn't matter.
+    and the point. The polygon must lie in the upper half space of each point (touching the horizon is allowed); its side doesn't
+    matter.
     """
     vertices = np.asarray(corners, np.float64) - np.asarray(points, np.float64)[..., None, :]
     after = np.roll(vertices, -1, axis=-2)
@@ -51,7 +52,7 @@ def _level(low: F64, high: F64, y: float) -> F64:
 
 
 def parallel_plates_form_factor(side: float, distance: float) -> float:
-    """Form factor between two directly opposed squares (Howell, Catalog of Radiation Configuration Factors, C-11), X = side / distance.
+    """Form factor between two directly opposed squares (Howell, Catalog of Configuration Factors, C-11), X = side / distance.
 
     F = 2/(πX²) · [ln((1+X²)/√(1+2X²)) + 2X√(1+X²)·atan(X/√(1+X²)) - 2X·atan X]
     """
@@ -62,13 +63,13 @@ def parallel_plates_form_factor(side: float, distance: float) -> float:
 
 
 def parallel_plates_irradiance(points: ArrayLike, side: float = 1.0, distance: float = 1.0, radiance: float = 1.0) -> F64:
-    """Irradiance (...,) on the lower plate (y = 0, facing up) of `parallel-plates` at points (..., 3); the upper one has `radiance`."""
+    """Irradiance (...,) on the lower plate (y = 0) of `parallel-plates` at points (..., 3); the upper one has `radiance`."""
     half = np.array([side / 2, side / 2])
     return polygon_irradiance(points, (0, 1, 0), _level(-half, half, distance), radiance)
 
 
 def corner_irradiance(points: ArrayLike, angle: float = 90.0, side: float = 1.0, radiance: float = 1.0) -> F64:
-    """Irradiance (...,) on the floor (y = 0, 0 ≤ z ≤ side) of `corner` at points (..., 3) from the wall, whose radiance is uniform."""
+    """Irradiance (...,) on the floor of `corner` (y = 0, 0 ≤ z ≤ side) at points (..., 3) from its wall of uniform radiance."""
     y, z = side * np.sin(np.radians(angle)), side * np.cos(np.radians(angle))
     h = side / 2
     return polygon_irradiance(points, (0, 1, 0), [(-h, 0, 0), (h, 0, 0), (h, y, z), (-h, y, z)], radiance)
@@ -91,8 +92,10 @@ def enclosed_sphere_irradiance(
     return _series(np.pi * radiance * k, albedo * (1 - k), bounces)
 
 
-def integrating_sphere_irradiance(outer: float = 1.0, albedo: float = 0.5, intensity: float = 1.0, bounces: int | None = None) -> float:
-    """Irradiance on a closed sphere with a point light in its centre: E_0 = intensity / outer², every bounce multiplies by the albedo."""
+def integrating_sphere_irradiance(
+    outer: float = 1.0, albedo: float = 0.5, intensity: float = 1.0, bounces: int | None = None
+) -> float:
+    """Irradiance on a closed sphere around a point light: E_0 = intensity / outer², every bounce multiplies by the albedo."""
     return _series(intensity / outer**2, albedo, bounces)
 
 

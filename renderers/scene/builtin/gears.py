@@ -16,15 +16,22 @@ from renderers.scene.shapes import Shape
 F64 = NDArray[np.float64]
 MODULE, PRESSURE_ANGLE, THICKNESS = 0.05, np.radians(20.0), 0.16
 # teeth, index of the gear it meshes with, direction from that one in degrees, material
-TRAIN = ((24, None, 0.0, "steel"), (40, 0, 28.0, "brass"), (16, 0, 165.0, "copper"), (32, 2, 75.0, "steel"), (12, 1, -55.0, "copper"))
+TRAIN = (
+    (24, None, 0.0, "steel"),
+    (40, 0, 28.0, "brass"),
+    (18, 0, 165.0, "copper"),
+    (32, 2, 75.0, "steel"),
+    (18, 1, -62.0, "copper"),
+)
 METALS = {"steel": (0.56, 0.57, 0.58), "brass": (0.88, 0.69, 0.36), "copper": (0.93, 0.62, 0.52)}
 
 
 @checked(steps=(1, 64))
 def gears(steps: int = 6, turning: bool = False) -> Scene:
-    """Gear train of five involute gears with shafts and 44 bolts, rough metals on a painted plate; a CAD assembly of instanced parts.
+    """Train of five involute gears with shafts and bolts, rough metals on a painted plate; a CAD assembly of instanced parts.
 
-    `steps` is the number of segments of each tooth flank (6 gives about 130,000 triangles). `turning` animates the train; 96 frames a round.
+    `steps` is the number of segments of each tooth flank (6 gives about 79,000 triangles). `turning` animates the train; 96
+    frames a round.
     """
     b = SceneBuilder("gears")
     metals = {name: b.material(GGX(name, color, metallic=1.0, roughness=0.35)) for name, color in METALS.items()}
@@ -37,8 +44,12 @@ def gears(steps: int = 6, turning: bool = False) -> Scene:
         if teeth >= 24:
             for angle in 2 * np.pi * np.arange(6) / 6:
                 where = 0.55 * MODULE * teeth / 2 * np.array([np.cos(angle), np.sin(angle)])
-                b.node(name="bolt", parent=node, meshes=(bolt,), translation=(float(where[0]), float(where[1]), 0.03), scale=(0.6,) * 3)
-    rim = [(x, y) for y in (-1.15, 2.25) for x in np.linspace(-1.6, 2.55, 8)] + [(x, y) for x in (-1.6, 2.55) for y in np.linspace(-0.58, 1.68, 5)]
+                b.node(
+                    name="bolt", parent=node, meshes=(bolt,), translation=(float(where[0]), float(where[1]), 0.03), scale=(0.6,) * 3
+                )
+    rim = [(x, y) for y in (-1.15, 2.25) for x in np.linspace(-1.6, 2.55, 8)] + [
+        (x, y) for x in (-1.6, 2.55) for y in np.linspace(-0.58, 1.68, 5)
+    ]
     for x, y in rim:
         b.node(name="bolt", meshes=(bolt,), translation=(float(x), float(y), -0.12))
     _studio(b)
@@ -82,21 +93,21 @@ def _about_z(angle: float) -> Quaternion:
 def outline(teeth: int, steps: int) -> F64:
     """Spur-gear outline (P, 2), counter-clockwise, a tooth at angle 0: involute flanks at 20°, fillets below the base circle.
 
-    A flank at radius ρ lies half a tooth = π/(2N) + inv α - inv(acos(r_b/ρ)) from the tooth's axis, inv φ = tan φ - φ; 3 % backlash.
-    The fillet and a slight taper make the angle strictly monotone, so that no face triangle has zero area.
+    A flank at radius ρ lies half a tooth = π/(2N) + inv α - inv(acos(r_b/ρ)) from the tooth's axis, inv φ = tan φ - φ; 3 %
+    backlash. The fillet and a slight taper make the angle strictly monotone, so that no face triangle has zero area.
     """
     pitch = MODULE * teeth / 2
     base, root, tip = pitch * np.cos(PRESSURE_ANGLE), pitch - 1.25 * MODULE, pitch + MODULE
     radii = np.linspace(root, tip, steps + 1)
     phi = np.arccos(np.minimum(base / np.maximum(radii, base), 1.0))
     half = 0.97 * np.pi / (2 * teeth) + (np.tan(PRESSURE_ANGLE) - PRESSURE_ANGLE) - (np.tan(phi) - phi)
-    half += 0.3 * np.maximum(base - radii, 0) / base + 0.005 * (tip - radii) / pitch
+    half += 0.1 * np.maximum(base - radii, 0) / base + 0.005 * (tip - radii) / pitch
     top, bottom = np.linspace(-1, 1, 4)[1:-1], np.linspace(0, 1, 4)[1:-1]
     gap = 2 * np.pi / teeth - 2 * half[0]
     angle = np.concatenate([-half, top * half[-1], half[::-1], half[0] + bottom * gap])
     radius = np.concatenate([radii, [tip, tip], radii[::-1], [root, root]])
     every = (2 * np.pi / teeth * np.arange(teeth)[:, None] + angle).ravel()
-    return np.column_stack([np.cos(every), np.sin(every)]) * np.tile(radius, teeth)[:, None]
+    return np.asarray(np.column_stack([np.cos(every), np.sin(every)]) * np.tile(radius, teeth)[:, None])
 
 
 def _gear(teeth: int, steps: int) -> Shape:
@@ -127,7 +138,13 @@ def _bolt() -> Shape:
     corner = 2 * np.pi * np.arange(60) / 60
     radius = 0.046 / np.cos((corner % (np.pi / 3)) - np.pi / 6)
     ring = np.column_stack([np.cos(corner), np.sin(corner)])
-    levels = [(radius, 0.012), (radius, 0.044), (np.minimum(radius, 0.047), 0.05), (0.03 + 0 * radius, 0.05), (0.003 + 0 * radius, 0.05)]
+    levels = [
+        (radius, 0.012),
+        (radius, 0.044),
+        (np.minimum(radius, 0.047), 0.05),
+        (0.03 + 0 * radius, 0.05),
+        (0.003 + 0 * radius, 0.05),
+    ]
     head = loft([np.column_stack([ring * r[:, None], np.full(60, z)]) for r, z in levels])
     return merge(swapped(washer, "z"), head)
 

@@ -13,7 +13,7 @@ from renderers.scene.builtin.solids import grid, merge, patch, tube
 from renderers.scene.model import Lambert, Phong, PointLight, Scene
 from renderers.scene.shapes import Shape
 
-TAIL, LINK = 9, 0.16
+TAIL, LINK = 9, 0.12
 
 
 @checked(frames=(2, 100_000))
@@ -54,17 +54,21 @@ def _sail(b: SceneBuilder, frames: int) -> int:
     creams = merge(_panel(middle, east, top), _panel(middle, west, bottom))
     spars = merge(*(tube(np.linspace(p, q, 24), 0.008, 10) for p, q in ((top, bottom), (west, east))))
     meshes = b.shape(reds, red, "sail"), b.shape(creams, cream, "sail"), b.shape(spars, wood, "spars")
-    node = b.node(name="kite", meshes=meshes, translation=(-0.9, 2.25, -0.6))
+    node = b.node(name="kite", meshes=meshes, translation=(-0.9, 2.3, -0.2))
     u = np.arange(frames + 1) / frames
-    path = np.column_stack([1.0 * np.sin(2 * np.pi * u - 1.2), 2.1 - 0.55 * u + 0.12 * np.sin(6 * np.pi * u), 0.5 * np.cos(2 * np.pi * u) - 0.4])
-    turns = Rotation.from_euler("YXZ", np.column_stack([0.5 * np.sin(2 * np.pi * u), -0.5 + 0.15 * np.sin(4 * np.pi * u), 0.6 * np.cos(2 * np.pi * u)]))
+    path = np.column_stack(
+        [1.0 * np.sin(2 * np.pi * u - 1.2), 2.3 - 0.3 * u + 0.06 * np.sin(6 * np.pi * u), 0.5 * np.cos(2 * np.pi * u) - 0.4]
+    )
+    turns = Rotation.from_euler(
+        "YXZ", np.column_stack([0.5 * np.sin(2 * np.pi * u), -0.5 + 0.15 * np.sin(4 * np.pi * u), 0.6 * np.cos(2 * np.pi * u)])
+    )
     b.animate(node, "translation", np.arange(frames + 1) / FPS, path)
     b.animate(node, "rotation", np.arange(frames + 1) / FPS, turns.as_quat())
     return node
 
 
 def _panel(a: tuple[float, ...], p: tuple[float, ...], q: tuple[float, ...], cells: int = 40) -> Shape:
-    """Cloth triangle a, p, q with the belly of a wind from the front; its narrow end is cut 2 % before p, so no triangle has zero area."""
+    """Bellied cloth triangle a, p, q; its narrow end is cut 2 % before p, so no triangle has zero area."""
     u, v = np.linspace(0, 0.98, cells + 1)[:, None], np.linspace(0, 1, cells + 1)[None, :]
     corners = [np.array(c) for c in (a, p, q)]
     weight = [(1 - u) * (1 - v), u + 0 * v, (1 - u) * v]

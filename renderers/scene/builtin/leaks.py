@@ -13,10 +13,10 @@ from renderers.scene.model import Lambert, PointLight, Scene
 
 @checked(thickness=(0.0, 0.5))
 def thin_wall(thickness: float = 0.01) -> Scene:
-    """Two rooms that share a thin wall, the right one lit by a point light: the left one is exactly black in every Transport with visibility.
+    """Two rooms that share a thin wall, the right one lit: the left one is exactly black in every Transport with visibility.
 
-    `thickness` in metres, 0 for a single sheet. The rooms are 1 m wide, open to the camera; no straight line joins them but through the
-    wall, so no light path does.
+    `thickness` in metres, 0 for a single sheet. The rooms are 1 m wide, open to the camera; no straight line joins them but
+    through the wall, so no light path does.
     """
     b = SceneBuilder("thin-wall")
     white, red, blue = (

@@ -19,7 +19,7 @@ GOLDEN = np.pi * (3 - np.sqrt(5))
 
 @checked(count=(16, 200_000), seed=(0, 2**31))
 def leaves(count: int = 4000, seed: int = 0) -> Scene:
-    """Tree of `count` thin leaf cards (single sheets, 8 triangles each) on branches over a curved backdrop, under a large area light.
+    """Tree of `count` thin leaf cards (single sheets, 8 triangles each) before a curved backdrop, under a large area light.
 
     Leaves come in sprays of 16 (the last one smaller), three sprays instanced all over the crown. `seed` grows another tree.
     """
@@ -38,6 +38,7 @@ def leaves(count: int = 4000, seed: int = 0) -> Scene:
 
 def _branches(rng: np.random.Generator) -> tuple[F64, Shape]:
     """Trunk, ten boughs and six twigs on each: the wood, and the twig points (P, 3) on which leaves grow."""
+
     def curve(start: F64, end: F64, sag: float, points: int) -> F64:
         t = np.linspace(0, 1, points)[:, None]
         return np.asarray(start * (1 - t) + end * t + sag * 4 * t * (1 - t) * np.array([0.0, 1.0, 0.0]))
@@ -101,7 +102,9 @@ def _leaf(size: float) -> Shape:
     """Leaf of four quads folded along the midrib, tip along +Z; 0.11 m long at size 1."""
     width, length, fold = 0.032 * size, 0.11 * size, 0.012 * size
     rows = [(0.0, 0.006), (0.45, width), (1.0, 0.006)]
-    return grid([[(-w, fold * w / width, t * length), (0.0, 0.0, t * length * 1.05), (w, fold * w / width, t * length)] for t, w in rows])
+    return grid(
+        [[(-w, fold * w / width, t * length), (0.0, 0.0, t * length * 1.05), (w, fold * w / width, t * length)] for t, w in rows]
+    )
 
 
 def _backdrop() -> Shape:
@@ -109,4 +112,4 @@ def _backdrop() -> Shape:
     bend = np.linspace(0, np.pi / 2, 17)
     z = np.concatenate([[4.0], -1.6 - 1.4 * np.sin(bend), [-3.0]])
     y = np.concatenate([[0.0], 1.4 - 1.4 * np.cos(bend), [4.6]])
-    return grid(np.stack([np.stack([np.full_like(z, x), y, z], axis=-1) for x in np.linspace(-9.0, 9.0, 16)], axis=1))
+    return grid(np.stack([np.stack([np.full_like(z, x), y, z], axis=-1) for x in np.linspace(9.0, -9.0, 16)], axis=1))

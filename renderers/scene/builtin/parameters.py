@@ -16,7 +16,8 @@ Builder = Callable[..., Scene]
 def checked(**limits: Limit) -> Callable[[Builder], Builder]:
     """Decorate a builder whose parameters all have defaults: numbers take (low, high) inclusive, words take the allowed ones.
 
-    The type of a default is the type of its parameter; text such as "200000", "0.5" or "true" is converted to it. Raises SceneError.
+    The type of a default is the type of its parameter; text such as "200000", "0.5" or "true" is converted to it. Raises
+    SceneError.
     """
 
     def decorate(builder: Builder) -> Builder:

@@ -15,9 +15,9 @@ GREY = (0.6, 0.6, 0.6)
 def parallel_plates(light: str = "directional", side: float = 1.0, distance: float = 1.0, albedo: float = 0.5) -> Scene:
     """Two opposed squares without contact; the lower one receives from the upper one exactly what a formula says.
 
-    light area: the upper plate is black and emits radiance 1. light directional: a slanted beam from below passes beside the lower plate
-    and lights the whole underside of the upper one with irradiance π, so that it reflects the uniform radiance `albedo`; the lower
-    plate's upper side gets no direct light. In both cases E(p) on the lower plate is
+    light area: the upper plate is black and emits radiance 1. light directional: a slanted beam from below passes beside the
+    lower plate and lights the whole underside of the upper one with irradiance π, so that it reflects the uniform radiance
+    `albedo`; the lower plate's upper side gets no direct light. In both cases E(p) on the lower plate is
     `exact.parallel_plates_irradiance(p, side, distance, L)`, L = 1 or albedo, its mean π·L·`exact.parallel_plates_form_factor(side,
     distance)`, its radiance albedo / π · E: direct light (area), exactly one bounce (directional).
     """
@@ -33,11 +33,13 @@ def parallel_plates(light: str = "directional", side: float = 1.0, distance: flo
         direction = np.array([1.5 * side, distance, 0.0])
         cosine = distance / float(np.linalg.norm(direction))
         b.light(DirectionalLight("beam", intensity=np.pi / cosine), rotation=look_rotation(direction))
-    b.camera((0.6 * side, 0.66 * distance, 1.9 * side), (0, 0.52 * distance, 0), np.radians(45))
+    b.camera((0.6 * side, 0.66 * distance, 1.9 * side), (0, 0.52 * distance, 0), np.radians(47))
     return b.build(light=light, side=side, distance=distance, albedo=albedo)
 
 
-@checked(width=(0.01, 100.0), depth=(0.01, 100.0), height=(0.01, 100.0), radiance=(0.0, 1e6), albedo=(0.0, 1.0), occluder=(0.0, 100.0))
+@checked(
+    width=(0.01, 100.0), depth=(0.01, 100.0), height=(0.01, 100.0), radiance=(0.0, 1e6), albedo=(0.0, 1.0), occluder=(0.0, 100.0)
+)
 def rectangle_light(
     width: float = 1.0, depth: float = 0.6, height: float = 1.0, radiance: float = 5.0, albedo: float = 0.6, occluder: float = 0.4
 ) -> Scene:
@@ -63,9 +65,10 @@ def rectangle_light(
 def corner(angle: float = 90.0, side: float = 1.0, light: str = "directional") -> Scene:
     """Two squares in contact along an edge at `angle` degrees: 1/r² is singular at the contact, and the answer is exact.
 
-    light directional: along the bisector, unshadowed, irradiance π · sin(angle / 2) on both; the reddish wall (albedo 0.8, 0.3, 0.2)
-    then has the uniform direct radiance w = albedo · sin(angle / 2), and one bounce adds to the floor (albedo 0.6) 0.6 / π ·
-    `exact.corner_irradiance(p, angle, side, w)`. light area: the wall is black and emits radiance 1; the floor gets that formula, w = 1.
+    light directional: along the bisector, unshadowed, irradiance π · sin(angle / 2) on both; the reddish wall (albedo 0.8, 0.3,
+    0.2) then has the uniform direct radiance w = albedo · sin(angle / 2), and one bounce adds to the floor (albedo 0.6) 0.6 / π ·
+    `exact.corner_irradiance(p, angle, side, w)`. light area: the wall is black and emits radiance 1; the floor gets that
+    formula, w = 1.
     """
     b = SceneBuilder("corner")
     grey = b.material(Lambert("floor", GREY))
@@ -79,7 +82,7 @@ def corner(angle: float = 90.0, side: float = 1.0, light: str = "directional") -
     if light == "directional":
         b.light(DirectionalLight("sun", intensity=np.pi), rotation=look_rotation(-inward))
     target = 0.3 * side * inward
-    b.camera(target + side * (2.3 * inward + np.array([0.9, 0.25, 0.1])), target, np.radians(38))
+    b.camera(target + side * (2.3 * inward + np.array([0.9, 0.25, 0.1])), target, np.radians(42))
     return b.build(angle=angle, side=side, light=light)
 
 

@@ -14,7 +14,7 @@ F64 = NDArray[np.float64]
 
 
 def grid(points: ArrayLike) -> Shape:
-    """Smooth sheet through points (R, C, 3), R and C ≥ 2; vertex normals follow central differences. Equal end columns make no crease."""
+    """Smooth sheet through points (R, C, 3), R and C ≥ 2; normals by central differences. Equal end columns make no crease."""
     p = np.asarray(points, np.float64)
     down, right = _difference(p, 0), _difference(p, 1)
     normals = np.cross(down, right)
@@ -62,7 +62,7 @@ def box(low: ArrayLike, high: ArrayLike, cell: float = np.inf) -> Shape:
 
 
 def lathe(profile: ArrayLike, segments: int, axis: str = "y") -> Shape:
-    """Surface of revolution of profile points (P, 2) = (radius > 0, height), listed so that the outside lies right of the way up."""
+    """Surface of revolution of profile points (P, 2) = (radius > 0, height); a profile that goes up faces outwards."""
     r, h = np.asarray(profile, np.float64).T
     angle = 2 * np.pi * np.arange(segments + 1) / segments
     angle[-1] = 0.0
@@ -95,7 +95,7 @@ def tube(path: ArrayLike, radii: ArrayLike, segments: int) -> Shape:
 
 
 def loft(rings: ArrayLike) -> Shape:
-    """Flat quads between consecutive closed rings (R, P, 3), sharp edges. Rings counter-clockwise about +Z: rising ones face outwards."""
+    """Flat quads between consecutive closed rings (R, P, 3), counter-clockwise about +Z: rising ones face outwards."""
     p = np.asarray(rings, np.float64)
     after = np.roll(p, -1, axis=1)
     quads = np.stack([p[:-1], after[:-1], after[1:], p[1:]], axis=2)
@@ -107,8 +107,8 @@ def quads_shape(quads: ArrayLike) -> Shape:
     q = np.asarray(quads, np.float64)
     normals = np.cross(q[:, 2] - q[:, 0], q[:, 3] - q[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    first = 4 * np.arange(len(q))[:, None]
-    triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    first = 4 * np.arange(len(q))
+    triangles = np.concatenate([np.stack([first, first + 1, first + 2], 1), np.stack([first, first + 2, first + 3], 1)])
     return q.reshape(-1, 3).astype(np.float32), np.repeat(normals, 4, axis=0).astype(np.float32), triangles.astype(np.uint32)
 
 
@@ -121,9 +121,8 @@ def flipped(shape: Shape) -> Shape:
 def moved(shape: Shape, offset: ArrayLike, rotation: F64 | None = None) -> Shape:
     """Rotated by a proper rotation (3, 3), then translated."""
     positions, normals, triangles = shape
-    if rotation is not None:
-        positions, normals = positions @ rotation.T, normals @ rotation.T
-    return (positions + np.asarray(offset)).astype(np.float32), normals.astype(np.float32), triangles
+    turn = np.eye(3) if rotation is None else rotation
+    return (positions @ turn.T + np.asarray(offset)).astype(np.float32), (normals @ turn.T).astype(np.float32), triangles
 
 
 def merge(*shapes: Shape) -> Shape:

@@ -13,15 +13,17 @@ from renderers.scene.shapes import sphere
 
 COLUMNS, ROWS = 11, 6
 PAINTS = (
-    (0.70, 0.12, 0.08), (0.85, 0.45, 0.08), (0.80, 0.70, 0.20), (0.20, 0.50, 0.15), (0.10, 0.45, 0.55), (0.12, 0.20, 0.60), (0.45, 0.12, 0.45),
+    (0.70, 0.12, 0.08), (0.85, 0.45, 0.08), (0.80, 0.70, 0.20), (0.20, 0.50, 0.15), (0.10, 0.45, 0.55), (0.12, 0.20, 0.60),
+    (0.45, 0.12, 0.45),
 )  # fmt: skip
 
 
 @checked(frames=(2, 100_000), seed=(0, 2**31))
 def bouncing_spheres(frames: int = 200, seed: int = 0) -> Scene:
-    """66 bouncing spheres of 968 triangles, half diffuse and half glossy, in a room with a glossy back wall; repeats after `frames` frames.
+    """66 bouncing spheres of 968 triangles, diffuse and glossy, in a room with a glossy back wall; a loop of `frames` frames.
 
-    Each sphere keeps to its own cell of an 11 × 6 grid, so none ever touches another. `seed` chooses sizes, heights, phases and colours.
+    Each sphere keeps to its own cell of an 11 × 6 grid, so none ever touches another. `seed` chooses sizes, heights, phases and
+    colours.
     """
     b = SceneBuilder("bouncing-spheres")
     rng = np.random.default_rng(seed)

@@ -1,6 +1,6 @@
 """Files to (JSON, buffers) and back: GLB chunks, data URIs, files beside a .gltf. Nothing is allocated on a header's word alone.
 
-Limits: `files.MAX_FILE_BYTES` for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf only, the plain name of a
+Limits: `files.MAX_FILE_BYTES` for one file, MAX_JSON_BYTES for the JSON text. URIs: `data:`, or, for .gltf, the plain name of a
 file in the same folder.
 """
 
@@ -19,7 +19,7 @@ from renderers.scene.files import read_limited, sibling
 from renderers.scene.gltf.element import Element, quoted
 from renderers.scene.model import SceneError
 
-MAX_JSON_BYTES = 64 * 2**20
+MAX_JSON_BYTES = 16 * 2**20
 GLB_MAGIC, JSON_CHUNK, BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 
 

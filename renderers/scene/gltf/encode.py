@@ -55,7 +55,7 @@ def material_json(material: Material) -> Json:
 
 
 def _emission(emission: Color) -> Json:
-    """emissiveFactor in [0, 1] times a strength that is a power of two: their product is exact in floating point."""
+    """emissiveFactor in [0, 1] times a strength that is a power of two: their product is exact (above 1e-300)."""
     peak = max(emission)
     if peak == 0:
         return {}

@@ -24,6 +24,10 @@ from renderers.scene.world import ALPHA_MIN
 
 MAX_TEXTURE_PIXELS = 2**26
 LUMENS_PER_WATT = 683.0
+# a colour times a radiance must stay within float32
+MAX_RADIANCE = 1e15
+MAX_EXPONENT = 1e9
+MAX_TEXTURE_SHIFT = 1e6
 Wrap = Literal["repeat", "clamp", "mirror"]
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 OTHER_TEXTURES = ("normalTexture", "occlusionTexture", "emissiveTexture")
@@ -70,7 +74,7 @@ def _material(item: Element, textures: dict[int, int], notes: Notes, photometric
     found: Material
     if own is not None and model == "phong":
         diffuse, specular = color(own, "diffuse"), color(own, "specular")
-        found = Phong(name, diffuse, specular, own.number("exponent", low=0), texture, emission, sides, extras)
+        found = Phong(name, diffuse, specular, own.number("exponent", low=0, high=MAX_EXPONENT), texture, emission, sides, extras)
     elif model == "lambert" or (not model and metallic == 0 and roughness == 1):
         found = Lambert(name, base, texture, emission, sides, extras)
     else:
@@ -80,15 +84,15 @@ def _material(item: Element, textures: dict[int, int], notes: Notes, photometric
 
 
 def color(item: Element, key: str, default: Color | None = None) -> Color:
-    """Three finite numbers ≥ 0."""
-    red, green, blue = item.numbers(key, 3, default, 0)
+    """Three numbers in [0, MAX_RADIANCE]."""
+    red, green, blue = item.numbers(key, 3, default, 0, MAX_RADIANCE)
     return red, green, blue
 
 
 def _emission(item: Element, unit: float) -> Color:
     red, green, blue = item.numbers("emissiveFactor", 3, BLACK, 0, 1)
     strength = item.extension("KHR_materials_emissive_strength")
-    factor = unit * (1.0 if strength is None else strength.number("emissiveStrength", 1.0, 0))
+    factor = unit * (1.0 if strength is None else strength.number("emissiveStrength", 1.0, 0, MAX_RADIANCE))
     return red * factor, green * factor, blue * factor
 
 
@@ -124,7 +128,8 @@ def _base_texture(pbr: Element, textures: dict[int, int], notes: Notes) -> tuple
 
 
 def _uv_matrix(transform: Element) -> NDArray[np.float64]:
-    (du, dv), (su, sv) = transform.numbers("offset", 2, (0, 0)), transform.numbers("scale", 2, (1, 1))
+    limits = (-MAX_TEXTURE_SHIFT, MAX_TEXTURE_SHIFT)
+    (du, dv), (su, sv) = transform.numbers("offset", 2, (0, 0), *limits), transform.numbers("scale", 2, (1, 1), *limits)
     angle = transform.number("rotation", 0.0)
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c * su, s * sv, du], [-s * su, c * sv, dv]])

@@ -132,7 +132,9 @@ class MeshReader:
             return None
         if use.uv_transform is None:
             return uvs
-        return (uvs.astype(np.float64) @ use.uv_transform[:, :2].T + use.uv_transform[:, 2]).astype(np.float32)
+        moved = uvs.astype(np.float64) @ use.uv_transform[:, :2].T + use.uv_transform[:, 2]
+        limit = np.finfo(np.float32).max
+        return np.clip(moved, -limit, limit).astype(np.float32)
 
 
 def _triangles(corners: NDArray[np.uint32], mode: int) -> U32:

@@ -7,11 +7,12 @@ import numpy as np
 from renderers.scene.gltf.container import Document
 from renderers.scene.gltf.element import Element
 from renderers.scene.gltf.extras import foreign_extras, own_extras
-from renderers.scene.gltf.materials import LUMENS_PER_WATT, color
+from renderers.scene.gltf.materials import LUMENS_PER_WATT, MAX_RADIANCE, color
 from renderers.scene.model import BLACK, WHITE, Camera, DirectionalLight, DiscLight, Light, Node, PointLight, SphereLight, SpotLight
 from renderers.scene.notes import Notes
 
-MAX_NODES = 200_000
+MAX_NODES = 100_000
+MAX_INTENSITY = 1e30
 
 
 def read_lights(document: Document, notes: Notes, *, photometric: bool) -> tuple[Light, ...]:
@@ -27,10 +28,14 @@ def _light(item: Element, notes: Notes, unit: float) -> Light:
     if own is not None and own.has("type"):
         area = DiscLight if own.choice("type", ("disc", "sphere")) == "disc" else SphereLight
         return area(
-            name, color(own, "color"), own.number("radiance", low=0), own.number("radius", low=0, high=1e12, above=True), extras
+            name,
+            color(own, "color"),
+            own.number("radiance", low=0, high=MAX_RADIANCE),
+            own.number("radius", low=0, high=1e12, above=True),
+            extras,
         )
     notes.add("range of lights is ignored: they fall off with the square of the distance ({n} lights)", int(item.has("range")))
-    rgb, intensity = color(item, "color", WHITE), item.number("intensity", 1.0, 0) * unit
+    rgb, intensity = color(item, "color", WHITE), item.number("intensity", 1.0, 0, MAX_INTENSITY) * unit
     if kind == "point":
         return PointLight(name, rgb, intensity, extras)
     if kind == "directional":
@@ -62,8 +67,6 @@ def read_nodes(
 ) -> tuple[tuple[Node, ...], dict[int, int]]:
     """Nodes of the active scene in file order, and where each node of the file went (those of other scenes go nowhere)."""
     items = document.root.objects("nodes")
-    if len(items) > MAX_NODES:
-        raise document.root.error(f"{len(items)} nodes, more than the limit of {MAX_NODES}")
     parents, alive = _tree(document, items, notes)
     places = {index: place for place, index in enumerate(i for i in range(len(items)) if alive[i])}
     notes.add("nodes outside the active scene are dropped ({n} nodes)", len(items) - len(places))

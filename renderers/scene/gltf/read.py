@@ -17,7 +17,7 @@ from renderers.scene.gltf.element import Element, quoted
 from renderers.scene.gltf.extras import own_extras, read_array
 from renderers.scene.gltf.materials import color, read_materials, read_textures
 from renderers.scene.gltf.meshes import MeshReader
-from renderers.scene.gltf.nodes import read_cameras, read_lights, read_nodes
+from renderers.scene.gltf.nodes import MAX_NODES, read_cameras, read_lights, read_nodes
 from renderers.scene.model import WHITE, Environment, Scene
 from renderers.scene.notes import Notes
 
@@ -75,6 +75,8 @@ def _check_asset(root: Element, notes: Notes) -> None:
     for name in root.array("extensionsRequired"):
         if name not in SUPPORTED:
             raise root.error(f"required extension {quoted(name)} is not supported")
+    if len(root.array("nodes")) > MAX_NODES:
+        raise root.error(f"{len(root.array('nodes'))} nodes, more than the limit of {MAX_NODES}")
     extensions, extras = _count_extensions(root.data)
     for name, count in extensions.items():
         notes.add(f"extension {quoted(name)} is ignored ({{n}} uses)", count if name not in SUPPORTED else 0)

@@ -64,26 +64,26 @@ def test_an_exception_is_one_line_with_the_traceback_in_the_log(tmp_path: Path) 
 
 
 def test_an_abort_names_its_signal(tmp_path: Path) -> None:
-    with pytest.raises(TaskError, match="^killed by SIGABRT"):
+    with pytest.raises(TaskError, match=r"^killed by SIGABRT"):
         run_task(task(tmp_path, mode="abort"), Limits(), lambda detail: None)
 
 
 def test_a_hanging_child_is_killed(tmp_path: Path) -> None:
     start = time.monotonic()
-    with pytest.raises(TaskError, match="^took longer than 2 s$"):
+    with pytest.raises(TaskError, match=r"^took longer than 2 s$"):
         run_task(task(tmp_path, mode="hang"), Limits(wall_s=2), lambda detail: None)
     assert time.monotonic() - start < 20
 
 
 def test_a_growing_child_is_killed(tmp_path: Path) -> None:
-    with pytest.raises(TaskError, match="^used more than 400 MiB of memory$"):
+    with pytest.raises(TaskError, match=r"^used more than 400 MiB of memory$"):
         run_task(task(tmp_path, mode="grow"), Limits(memory_bytes=400 * 2**20), lambda detail: None)
 
 
 def test_a_cancelled_child_is_killed(tmp_path: Path) -> None:
     limits = Limits()
     threading.Timer(0.5, limits.cancel.set).start()
-    with pytest.raises(TaskError, match="^cancelled$"):
+    with pytest.raises(TaskError, match=r"^cancelled$"):
         run_task(task(tmp_path, mode="hang"), limits, lambda detail: None)
 
 

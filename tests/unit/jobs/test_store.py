@@ -31,9 +31,14 @@ def test_home_is_read_from_the_environment(tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_file_is_whole_or_not_there(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "a.txt"
-    with pytest.raises(ZeroDivisionError), whole(path) as temporary:
-        temporary.write_text("half")
-        raise ZeroDivisionError
+
+    def fail() -> None:
+        with whole(path) as temporary:
+            temporary.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
     assert list((tmp_path / "deep").iterdir()) == []
     write_text(path, "all")
     assert [p.name for p in (tmp_path / "deep").iterdir()] == ["a.txt"]

@@ -83,7 +83,9 @@ def test_eval_is_the_formula(make: Any, oracle: Any, parameters: tuple[float, ..
     # The oracle gets the float32 directions that Mitsuba gets: a narrow lobe turns 6e-8 of direction into percents otherwise.
     wi, wo = (v.astype(np.float32).astype(np.float64) for v in (wi, wo))
     wi, wo = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (wi, wo))
-    value = np.array(make(*parameters).eval(mi.BSDFContext(), interaction(wi), mi.Vector3f(np.ascontiguousarray(wo.T, np.float32)))).T
+    value = np.array(
+        make(*parameters).eval(mi.BSDFContext(), interaction(wi), mi.Vector3f(np.ascontiguousarray(wo.T, np.float32)))
+    ).T
     expected = oracle(wi, wo, *parameters) * wo[:, 2:3]
     keep = (wo[:, 2] > 0.01) & (wi[:, 2] > 0.01)
     # float32: cosⁿ multiplies the relative error of the cosine (1e-7) by n; D by 1/α² at the rim of the lobe.
@@ -105,7 +107,7 @@ def test_below_the_horizon_is_black(make: Any, parameters: tuple[float, ...]) ->
 @pytest.mark.parametrize(("make", "parameters"), [(make_phong, p) for p in PHONGS] + [(make_ggx, p) for p in GGXS])
 @pytest.mark.parametrize("tilt", [0.05, 0.9, 1.4])
 def test_sampling_follows_the_density(make: Any, parameters: tuple[float, ...], tilt: float) -> None:
-    """∫ f cos estimated by sampling equals the estimate by uniform directions around the mirror and the hemisphere, within 5 standard errors."""
+    """∫ f cos by sampling equals ∫ f cos by uniform directions about the mirror and in the hemisphere, within 5 standard errors."""
     from renderers.reference.export import mi
 
     n = 400_000

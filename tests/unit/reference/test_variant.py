@@ -13,7 +13,7 @@ from renderers.reference import variant
 
 
 @pytest.fixture
-def _fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setenv("LUXMETER_HOME", str(tmp_path))
     variant.probe.cache_clear()
     return tmp_path
@@ -24,7 +24,7 @@ def answer(code: int, stderr: str = "") -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.mitsuba
-def test_a_good_answer_is_remembered(_fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_good_answer_is_remembered(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = variant.probe()
     assert found.ok, found.message
     assert found.variant == "llvm_ad_rgb"
@@ -33,13 +33,13 @@ def test_a_good_answer_is_remembered(_fresh: Path, monkeypatch: pytest.MonkeyPat
     assert variant.probe() == found
 
 
-def test_an_aborting_llvm_is_named_with_the_fix_and_asked_again(_fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_aborting_llvm_is_named_with_the_fix_and_asked_again(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subprocess, "run", lambda *a, **k: answer(-6))
     found = variant.probe()
     assert not found.ok
     assert "signal 6" in found.message
     assert variant.FIX in found.message
-    assert not list(_fresh.iterdir())
+    assert not list(fresh.iterdir())
     variant.mitsuba.cache_clear()
     with pytest.raises(variant.ReferenceUnavailable, match="libllvm19"):
         variant.mitsuba()
@@ -47,13 +47,13 @@ def test_an_aborting_llvm_is_named_with_the_fix_and_asked_again(_fresh: Path, mo
     variant.probe.cache_clear()
 
 
-def test_a_missing_llvm_shows_its_last_line(_fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_llvm_shows_its_last_line(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subprocess, "run", lambda *a, **k: answer(1, "Traceback\nImportError: no libLLVM"))
     assert "ImportError: no libLLVM; fix: apt-get install libllvm19" in variant.probe().message
     variant.probe.cache_clear()
 
 
-def test_a_probe_that_hangs_is_an_answer(_fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_probe_that_hangs_is_an_answer(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def hang(*args: object, **kwargs: object) -> None:
         raise subprocess.TimeoutExpired("python", 1)
 
@@ -64,8 +64,8 @@ def test_a_probe_that_hangs_is_an_answer(_fresh: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.mitsuba
 @pytest.mark.parametrize("content", ["", "{", json.dumps({"key": "old", "probe": {}}), json.dumps([1])])
-def test_a_damaged_or_outdated_file_is_asked_anew(_fresh: Path, content: str) -> None:
-    (_fresh / "mitsuba-variant.json").write_text(content)
+def test_a_damaged_or_outdated_file_is_asked_anew(fresh: Path, content: str) -> None:
+    (fresh / "mitsuba-variant.json").write_text(content)
     assert variant.probe().ok
     variant.probe.cache_clear()
 

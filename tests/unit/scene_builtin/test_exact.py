@@ -31,7 +31,7 @@ def test_rectangle_against_quadrature(point: tuple[float, float, float]) -> None
 
 @pytest.mark.parametrize("point", [(0, 0, 0), (0.45, 0, 0.1), (0.9, 0, 0.75), (2.5, 0, 0)])
 def test_occluded_rectangle_against_quadrature_with_a_shadow_test(point: tuple[float, float, float]) -> None:
-    """Midpoint rule over the light, each ray tested against the square at half height. The jump at the shadow's edge costs O(1/n)."""
+    """Midpoint rule over the light, each ray tested against the square at half height; its shadow's edge costs O(1/n)."""
     n, occluder = 1200, 0.4
     x, z = np.meshgrid(midpoints(-0.5, 0.5, n), midpoints(-0.3, 0.3, n))
     way = np.stack([x, np.ones_like(x), z], axis=-1) - np.asarray(point, float)
@@ -50,7 +50,7 @@ def test_occluder_wider_than_the_light_leaves_an_umbra_and_never_a_negative_valu
 
 
 def test_polygon_of_a_published_form_factor() -> None:
-    """Rectangle with one corner above the point: E = ½[X/√(1+X²) atan(Y/√(1+X²)) + …], X = 2.5, Y = 1.875 gives 0.66458 (Howell B-4)."""
+    """Rectangle with one corner above the point, ½[X/√(1+X²) atan(Y/√(1+X²)) + …]: X = 2.5, Y = 1.875 give 0.66458."""
     corners = [(0, 0.8, 0), (2, 0.8, 0), (2, 0.8, 1.5), (0, 0.8, 1.5)]
     assert float(exact.polygon_irradiance((0, 0, 0), (0, 1, 0), corners)) == pytest.approx(0.66458, abs=1e-5)
 

@@ -21,6 +21,7 @@ NEEDS = {
     "cornell-box": {"diffuse", "point_light"},
     "cornell-glossy": {"diffuse", "glossy", "point_light"},
     "cube-in-a-box": {"diffuse", "point_light", "animated_geometry"},
+    "empty-room": {"diffuse", "point_light"},
     "furnace": {"diffuse", "area_light"},
     "gears": {"diffuse", "glossy", "area_light"},
     "kite": {"diffuse", "glossy", "point_light", "animated_geometry"},
@@ -32,11 +33,17 @@ NEEDS = {
     "thin-wall": {"diffuse", "point_light"},
 }
 VARIANTS = [
-    ("cornell-box", {"light": "area"}), ("furnace", {"shape": "box"}), ("furnace", {"shape": "sphere"}),
+    ("cornell-box", {"light": "area"}), ("empty-room", {"light": "spot"}),
+    ("furnace", {"shape": "box"}), ("furnace", {"shape": "sphere"}),
     ("sphere-in-sphere", {"source": "point"}), ("parallel-plates", {"light": "area"}), ("rectangle-light", {"occluder": 0.0}),
-    ("corner", {"light": "area", "angle": 30.0}), ("thin-wall", {"thickness": 0.0}), ("colonnade", {"triangles": 20_000, "sky": True}),
+    ("corner", {"light": "area", "angle": 30.0}), ("thin-wall", {"thickness": 0.0}),
+    ("colonnade", {"triangles": 20_000, "sky": True}),
     ("leaves", {"count": 100, "seed": 3}), ("gears", {"steps": 1, "turning": True}), ("gears", {"steps": 20}),
 ]  # fmt: skip
+# single sheets show their backs: cloth, leaves, a kite, a wall without thickness; all other scenes show fronts only
+SHEETS = [c for c in VARIANTS if c[0] in ("colonnade", "leaves", "thin-wall")] + [
+    (name, {}) for name in ("colonnade", "leaves", "kite")
+]
 ALL = [(name, {}) for name in NAMES] + VARIANTS
 
 
@@ -66,7 +73,9 @@ def test_camera_sees_geometry(scenes: dict[str, Scene], case: tuple[str, dict]) 
     TriangleMesh(scene, np.ascontiguousarray(world.positions[world.triangles]))
     origins, directions = (np.ascontiguousarray(a.reshape(-1, 3), np.float32) for a in world.camera.rays((32, 18)))
     seen = scene.run(origins, directions)
-    assert (seen >= 0).mean() > 0.12
+    assert (seen >= 0).mean() > 0.08
+    if case not in SHEETS:
+        assert (np.einsum("pi,pi->p", world.face_normals[seen], directions)[seen >= 0] < 0).all()
     assert len(np.unique(world.instance[seen[seen >= 0]])) >= min(2, len(np.unique(world.instance)))
 
 
@@ -93,7 +102,8 @@ def test_every_scene_has_a_describing_line_and_remembers_its_parameters() -> Non
     lines = builtin_scenes()
     assert set(lines) == set(NAMES)
     for name, builder in BUILTIN.items():
-        assert lines[name].endswith((".", ";", "points.", "frames")) and len(lines[name]) > 40, name
+        assert len(lines[name]) > 40, name
+        assert lines[name].endswith("."), name
         scene = load_scene(name)
         assert dict(scene.parameters) == {k: p.default for k, p in inspect.signature(builder).parameters.items()}
         assert scene.name == name

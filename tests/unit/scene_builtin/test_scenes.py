@@ -26,10 +26,12 @@ def test_cornell_dimensions_camera_and_light_are_the_published_ones() -> None:
     scene = load_scene("cornell-box", light="area")
     points = {tuple(np.round(p * 1000, 1)) for m in scene.meshes for p in m.positions.astype(np.float64)}
     published = {
-        (552.8, 0, 0), (0, 0, 0), (0, 0, 559.2), (549.6, 0, 559.2), (556, 548.8, 0), (556, 548.8, 559.2), (0, 548.8, 559.2), (0, 548.8, 0),
+        (552.8, 0, 0), (0, 0, 0), (0, 0, 559.2), (549.6, 0, 559.2), (556, 548.8, 0), (556, 548.8, 559.2), (0, 548.8, 559.2),
+        (0, 548.8, 0),
         (343, 548.8, 227), (343, 548.8, 332), (213, 548.8, 332), (213, 548.8, 227),
         (130, 165, 65), (82, 165, 225), (240, 165, 272), (290, 165, 114), (290, 0, 114), (240, 0, 272), (130, 0, 65), (82, 0, 225),
-        (423, 330, 247), (265, 330, 296), (314, 330, 456), (472, 330, 406), (423, 0, 247), (472, 0, 406), (314, 0, 456), (265, 0, 296),
+        (423, 330, 247), (265, 330, 296), (314, 330, 456), (472, 330, 406), (423, 0, 247), (472, 0, 406), (314, 0, 456),
+        (265, 0, 296),
     }  # fmt: skip
     assert published <= points
     camera = next(n for n in scene.nodes if n.camera is not None)
@@ -71,6 +73,15 @@ def test_cornell_glossy_back_wall_is_phong_and_conserves_energy() -> None:
     assert back.exponent == 20
     assert max(np.add(back.diffuse, back.specular)) <= 1
     assert load_scene("cornell-glossy", exponent=5).hash != scene.hash
+
+
+def test_empty_room_is_convex_closed_and_faces_inwards() -> None:
+    world = load_scene("empty-room").world(0)
+    positions = world.positions.astype(np.float64)
+    # every vertex lies in front of (or in) the plane of every triangle
+    heights = (positions[:, None] - positions[world.triangles[:, 0]]) * world.face_normals
+    assert heights.sum(axis=-1).min() > -1e-6
+    assert world.areas.sum() / world.scale**2 == pytest.approx(108, rel=1e-6)
 
 
 def test_no_straight_line_joins_the_rooms_of_thin_wall() -> None:
@@ -140,7 +151,11 @@ def test_gears_mesh_without_overlap_while_turning(frame: int) -> None:
 
 @pytest.mark.parametrize(
     ("name", "moving", "still"),
-    [("cube-in-a-box", ["cube"], "floor"), ("kite", ["kite", "tail 8"], "tiles"), ("bouncing-spheres", ["sphere 0", "sphere 65"], "floor")],
+    [
+        ("cube-in-a-box", ["cube"], "floor"),
+        ("kite", ["kite", "tail 8"], "tiles"),
+        ("bouncing-spheres", ["sphere 0", "sphere 65"], "floor"),
+    ],
 )
 def test_animation_moves_what_it_should(name: str, moving: list[str], still: str) -> None:
     from renderers.scene.world import global_matrices

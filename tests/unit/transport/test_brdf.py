@@ -123,7 +123,9 @@ def test_density_integrates_to_one(name: str, cosine: float) -> None:
     mirror = np.array([-np.sqrt(1 - cosine**2), 0, cosine])
     side = np.array([cosine, 0, np.sqrt(1 - cosine**2)])
     light = (
-        np.cos(t)[:, None] * mirror + (np.sin(t) * np.cos(p))[:, None] * side + (np.sin(t) * np.sin(p))[:, None] * np.array([0, 1.0, 0])
+        np.cos(t)[:, None] * mirror
+        + (np.sin(t) * np.cos(p))[:, None] * side
+        + (np.sin(t) * np.sin(p))[:, None] * np.array([0, 1.0, 0])
     )
     count = len(light)
     pdf = sampling_pdf(material(name, count), tilted(1.0, count), tilted(cosine, count), light)
@@ -139,7 +141,9 @@ def test_samples_follow_their_density(name: str) -> None:
     drawn = sample_brdf(m, n, view, generator(5, name).random((count, 3)))
     np.testing.assert_allclose(np.linalg.norm(drawn, axis=1), 1, atol=1e-9)
     # A uniform reference is hopeless for sharp lobes, so it takes directions from a half-and-half mix of uniform and drawn ones.
-    other = np.where(np.arange(count)[:, None] % 2 == 0, uniform_sphere(generator(6, name).random((count, 2))), np.roll(drawn, 1, axis=0))
+    other = np.where(
+        np.arange(count)[:, None] % 2 == 0, uniform_sphere(generator(6, name).random((count, 2))), np.roll(drawn, 1, axis=0)
+    )
     density = sampling_pdf(m, n, view, other)
     weight = density / (0.5 / (4 * np.pi) + 0.5 * density)
     for axis in range(3):

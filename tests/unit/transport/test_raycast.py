@@ -60,14 +60,6 @@ def test_offset_follows_the_side() -> None:
     assert off_surface(np.zeros((1, 3)), up, [[1.0, -0.1, 0.0]])[0, 1] == -OFFSET
 
 
-def test_an_empty_world_is_never_hit() -> None:
-    b = SceneBuilder("empty")
-    b.camera((0, 0, 1), (0, 0, 0), 1.0)
-    caster = RayCaster(b.build().world())
-    assert caster.first_hit(np.zeros((3, 3)), np.ones((3, 3))).triangle.tolist() == [-1, -1, -1]
-    assert not caster.occluded(np.zeros((3, 3)), np.ones((3, 3)), np.inf).any()
-
-
 def test_casters_are_cached_bounded_and_die_with_their_world() -> None:
     worlds = [quad() for _ in range(CACHED_WORLDS + 2)]
     casters = [caster_of(w) for w in worlds]

@@ -56,7 +56,9 @@ def test_low_discrepancy_points_are_unbiased_and_more_even() -> None:
             points = surface_points(world, count, seed, sampler)
             position = surface_at(world, *points).position
             means.append(position[:, 0].mean())
-        exact = float(np.sum(world.positions[world.triangles][..., 0].astype(np.float64).mean(axis=1) * world.areas) / world.areas.sum())
+        exact = float(
+            np.sum(world.positions[world.triangles][..., 0].astype(np.float64).mean(axis=1) * world.areas) / world.areas.sum()
+        )
         error[sampler] = np.std(means)
         assert abs(np.mean(means) - exact) < 4.5 * np.std(means) / np.sqrt(len(means)) + 1e-6  # float32 vertices
     assert error["low-discrepancy"] < error["uniform"] / 5
@@ -109,4 +111,4 @@ def test_streams_are_apart_and_fixed() -> None:
     assert not np.array_equal(generator(1, "a").random(4), generator(1, "b").random(4))
     assert not np.array_equal(generator(1, "a").random(4), generator(2, "a").random(4))
     # Pinned: a change would silently re-seed every stored result.
-    np.testing.assert_array_equal(generator(7, "surface points").random(2), generator(7, "surface points").random(2))
+    assert generator(7, "surface points").random(2).tolist() == [0.8290448029228547, 0.6188632022067265]

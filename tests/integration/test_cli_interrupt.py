@@ -1,0 +1,51 @@
+"""Ctrl-C and a polite kill: the children end, and the report of what was done is written."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from jobs.process import child_environment
+
+pytestmark = [pytest.mark.usefixtures("toy_methods"), pytest.mark.gl, pytest.mark.mitsuba]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_evaluation_that_is_interrupted(number: signal.Signals, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    command = [
+        sys.executable,
+        "-c",
+        "from service.cli import main; main()",
+        "evaluate",
+        "--scene",
+        "cornell-box",
+        "--method",
+        "flat",
+    ]
+    options = ["--sweep", "flat.mode=good,hang", "--size", "8x6", "--noise", "0.3", "--out", str(out), "--json"]
+    job = subprocess.Popen([*command, *options], env=child_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    _wait_for_the_hanging_render(tmp_path)
+    job.send_signal(number)
+    stdout, _ = job.communicate(timeout=60)
+    assert job.returncode == 1
+    assert [cell["state"] for cell in json.loads(stdout)["cells"]] == ["done", "cancelled"]
+    assert (out / "index.html").is_file()
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def _wait_for_the_hanging_render(folder: Path) -> None:
+    """Until the folder in work says that the first cell is done and the second one runs."""
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:
+        for path in folder.glob(".out.*.partial/evaluation.json"):
+            if [cell["state"] for cell in json.loads(path.read_text())["cells"]][1] == "running":
+                return
+        time.sleep(0.1)
+    raise AssertionError("the second render did not start")

@@ -1,0 +1,173 @@
+"""Evaluations from the request to the report. References are stand-ins here: exact images, so that every error is known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jobs
+from jobs.errors import TaskError
+from jobs.process import Limits, run_task
+from jobs.store import Store
+from jobs.tasks import PilotTask, ReferenceTask, RenderTask
+from renderers.images import display_values, write_exr
+from reports.folder import Evaluation, ReferenceInfo, read
+
+pytestmark = [pytest.mark.usefixtures("toy_methods"), pytest.mark.gl]
+
+Task = RenderTask | PilotTask | ReferenceTask
+RADIANCE = {"direct": 0.5, "full": 0.75}
+SIZE = (16, 12)
+
+
+def stand_in(task: Task, limits: Limits, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+    """Renders are real child processes; a reference is a flat image of known radiance with almost no noise, exposure 1."""
+    if not isinstance(task, ReferenceTask):
+        return run_task(task, limits, progress)
+    shape = (task.size[1], task.size[0])
+    mean = np.full((*shape, 3), RADIANCE[task.transport], np.float32)
+    layers = {"mean": mean, "variance": mean * 0 + 1e-12, "luminance_variance": mean[..., 0] * 0 + np.float32(1e-12)}
+    (task.folder / task.image).parent.mkdir(parents=True, exist_ok=True)
+    write_exr(task.folder / task.image, layers, n="16", spp="64")
+    info = ReferenceInfo(
+        id=task.id, scene=task.scene_name, frame=task.frame, transport=task.transport, pixel=task.pixel, noise=1e-6,
+        asked=task.noise, replicates=16, spp=64, seconds=0.1, content_hash="0",
+    )  # fmt: skip
+    return {"info": info.model_dump(), "scene_hash": "box", "exposure": 1.0}
+
+
+def evaluation(folder: Path, runner: Any = stand_in, **changes: Any) -> Evaluation:
+    body = {"scenes": ["cornell-box"], "methods": [{"name": "flat"}], "size": SIZE} | changes
+    options = jobs.Options(store=Store(folder / "home"), runner=runner)
+    return jobs.evaluate(jobs.plan(jobs.EvaluationRequest.model_validate(body)), folder / "out", options)
+
+
+def test_errors_are_those_of_the_images(tmp_path: Path) -> None:
+    done = evaluation(tmp_path, methods=[{"name": "flat", "sweep": {"level": [0.5, 0.6]}}], seeds=2)
+    stored, results = read(tmp_path / "out")
+    assert stored == done
+    assert [cell.state for cell in done.cells] == ["done"] * 4
+    exact = results["cornell-box.flat-level-0.5.s0.f0000"]
+    assert exact.metrics["matched"]["rmse"] == 0
+    difference = display_values(np.float32([0.5]), 1.0) - display_values(np.float32([0.75]), 1.0)
+    assert exact.metrics["full"]["rmse"] == pytest.approx(abs(float(difference[0])))
+    assert results["cornell-box.flat-level-0.6.s1.f0000"].metrics["matched"]["rmse"] == pytest.approx(
+        float((display_values(np.float32([0.6]), 1.0) - display_values(np.float32([0.5]), 1.0))[0])
+    )
+    floor = exact.noise_floor["matched"]["rmse"]
+    assert floor is not None
+    assert 0 < floor < 0.001
+    assert done.scenes[0].aliasing["rmse"] == 0
+    assert done.scenes[0].exposure == 1.0
+    assert [info.id for info in done.references] == [
+        "cornell-box.direct.centre.f0000", "cornell-box.full.box.f0000", "cornell-box.full.centre.f0000",
+    ]  # fmt: skip
+    for name in ("index.html", "results.csv", "results.parquet"):
+        assert (tmp_path / "out" / name).is_file()
+
+
+def test_a_crash_is_the_cells_error_and_the_report_stands(tmp_path: Path) -> None:
+    done = evaluation(tmp_path, methods=[{"name": "flat", "sweep": {"mode": ["good", "abort", "raise"]}}])
+    assert [cell.state for cell in done.cells] == ["done", "failed", "failed"]
+    errors = [cell.error or "" for cell in done.cells]
+    assert errors[0] == ""
+    assert errors[1].startswith("killed by SIGABRT")
+    assert errors[2] == "ValueError: no such colour"
+    logs = tmp_path / "out" / "logs"
+    assert "Traceback" in (logs / "render.cornell-box.flat-mode-raise.s0.txt").read_text()
+    assert "no such colour" in (tmp_path / "out" / "index.html").read_text()
+
+
+def test_a_failed_reference_fails_the_cells_that_need_it(tmp_path: Path) -> None:
+    def broken(task: Task, limits: Limits, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+        if isinstance(task, ReferenceTask) and task.transport == "direct":
+            raise TaskError("no light")
+        return stand_in(task, limits, progress)
+
+    done = evaluation(tmp_path, broken, methods=[{"name": "flat"}, {"name": "budget"}])
+    assert [(cell.method, cell.state) for cell in done.cells] == [("flat", "failed"), ("budget", "done")]
+    assert done.cells[0].error == "reference:cornell-box.direct.centre.f0000: no light"
+    assert (tmp_path / "out" / "index.html").is_file()
+
+
+def test_an_interrupt_cancels_what_is_left_and_reports_the_rest(tmp_path: Path) -> None:
+    class Interrupted:
+        def run(self, nodes: Any, work: Any, stop: Callable[[], None]) -> dict[str, str]:
+            for node in nodes:
+                if node.key.endswith("s1"):
+                    stop()
+                    raise KeyboardInterrupt
+                work(node, {})
+            return {}
+
+    request = jobs.EvaluationRequest.model_validate(
+        {"scenes": ["cornell-box"], "methods": [{"name": "flat"}], "size": SIZE, "seeds": 2}
+    )
+    options = jobs.Options(store=Store(tmp_path / "home"), runner=stand_in, engine=Interrupted())
+    done = jobs.evaluate(jobs.plan(request), tmp_path / "out", options)
+    assert {cell.state for cell in done.cells} == {"cancelled"}
+    assert (tmp_path / "out" / "index.html").is_file()
+
+
+def test_pilots_run_once_and_their_settings_reach_every_seed(tmp_path: Path) -> None:
+    done = evaluation(tmp_path, methods=[{"name": "budget", "settings": {"seconds": 0.3}}], seeds=2)
+    _, results = read(tmp_path / "out")
+    assert [cell.state for cell in done.cells] == ["done", "done"]
+    assert [result.settings["steps"] for result in results.values()] == [3, 3]
+    assert len(list((tmp_path / "out" / "pilots").iterdir())) == 1
+
+
+def test_frames_are_compared_one_by_one(tmp_path: Path) -> None:
+    evaluation(tmp_path, methods=[{"name": "flat", "settings": {"level": 0.25}}], frames=(0, 1))
+    _, results = read(tmp_path / "out")
+    errors = [results[f"cornell-box.flat-level-0.25.s0.f000{k}"].metrics["matched"]["rmse"] for k in (0, 1)]
+    assert errors[0] is not None
+    assert errors[0] > 0
+    assert errors[1] == 0
+
+
+def test_the_scenes_own_exposure_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from renderers.scene import builtin
+
+    box = builtin.BUILTIN["cornell-box"]
+    monkeypatch.setitem(builtin.BUILTIN, "cornell-box", lambda: replace(box(), exposure=0.5))
+    assert evaluation(tmp_path).scenes[0].exposure == 0.5
+
+
+@pytest.mark.mitsuba
+def test_the_command_line_with_real_references(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from service.cli import run
+
+    arguments = ["evaluate", "--scene", "cornell-box", "--method", "pt", "--set", "pt.spp=4", "--size", "16x12", "--noise", "0.2"]
+    assert run([*arguments, "--out", str(tmp_path / "out"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    stored, results = read(tmp_path / "out")
+    assert document == stored.model_dump(mode="json")
+    result = results["cornell-box.pt-spp-4.s0.f0000"]
+    assert (result.metrics["full"]["rmse"] or 0) > (result.noise_floor["full"]["rmse"] or 0) > 0
+    assert stored.scenes[0].exposure > 0
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_report_that_fails_loses_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import reports
+    from service.cli import run
+
+    def broken(folder: Path) -> Path:
+        raise ValueError("no ink")
+
+    monkeypatch.setattr(reports, "write", broken)
+    monkeypatch.setattr("service.commands._evaluate.Options", lambda **given: jobs.Options(**given, runner=stand_in))
+    out = tmp_path / "out"
+    assert run(["evaluate", "--scene", "cornell-box", "--method", "flat", "--size", "8x6", "--out", str(out)]) == 1
+    assert "report: ValueError: no ink" in capsys.readouterr().err
+    assert len(list((out / "results").iterdir())) == 1
+    assert "Traceback" in next((out / "logs").iterdir()).read_text()
