@@ -26,8 +26,8 @@ def views(scene: Scene, size: tuple[int, int]) -> tuple[GBuffer, GBuffer, dict[s
 
 def assert_same_view(ours: GBuffer, theirs: dict[str, np.ndarray]) -> None:
     """Coverage differs in < 0.1 % of pixels; position 99th percentile < 1e-5 of the scene's size, normals < 0.1°."""
-    covered = ours.covered & theirs["covered"]
-    differing = np.count_nonzero(ours.covered != theirs["covered"])
+    covered = ours.covered & theirs["coverage"]
+    differing = np.count_nonzero(ours.covered != theirs["coverage"])
     assert differing < 1e-3 * covered.size
     assert covered.any()
     # The World has half diagonal 1: its size is 2.
@@ -37,7 +37,7 @@ def assert_same_view(ours: GBuffer, theirs: dict[str, np.ndarray]) -> None:
     # The chord gives the angle where its cosine has no digits left.
     angle = 2 * np.degrees(np.arcsin(np.clip(np.linalg.norm(a - b, axis=-1) / 2, 0, 1)))
     assert np.percentile(angle, 99) < 0.1
-    albedo = np.abs(ours.base.astype(np.float64) - theirs["base"]).max(axis=-1)[covered]
+    albedo = np.abs(ours.base.astype(np.float64) - theirs["albedo"]).max(axis=-1)[covered]
     assert np.percentile(albedo, 99) < 1e-3
 
 
