@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from reports.maps import over_2pct_mask
 
 import renderers
 import renderers.reference
 from renderers.images import display_values
-from reports.maps import over_2pct_mask
 
 SCENES = ("cornell-box", "cornell-glossy", "colonnade", "bouncing-spheres", "leaves", "gears", "kite", "moving-light")
 CAPTION = 14
