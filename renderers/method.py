@@ -104,7 +104,8 @@ class Method(ABC):
     ) -> Frame:
         """Render one frame: a pure function of its arguments, same bytes in any process and at any thread count.
 
-        size is (width, height) in pixels. Raises UnsupportedScene, ValueError (size, another method's settings), FloatingPointError.
+        size is (width, height) in pixels. Raises UnsupportedScene, ValueError (size, settings of another method) or
+        FloatingPointError.
         """
         settings = self.Settings() if settings is None else settings
         if not isinstance(settings, self.Settings):
