@@ -3,7 +3,7 @@ SIZE := 160x90
 NOISE := 0.02
 DEMO := out/demo
 
-.PHONY: install demo test slow check gallery bench lock clean
+.PHONY: install demo test slow check gallery examples bench lock clean
 
 install:  ## system libraries, .venv and the luxmeter command
 	@scripts/install
@@ -27,9 +27,12 @@ check: install  ## format, lint, types, import rule, generated text
 	.venv/bin/lint-imports
 	$(PYTHON) scripts/readme_table.py --check
 
-gallery: install  ## one picture per example
-	@mkdir -p gallery
-	@for example in examples/[0-9]*.py; do echo $$example; (cd gallery && ../$(PYTHON) ../$$example) || exit 1; done
+gallery: install  ## one contact sheet: methods × scenes, each beside its reference and its error
+	PYTHONPATH=. $(PYTHON) scripts/gallery.py --out gallery
+
+examples: install  ## run every numbered example; their pictures go to out/examples
+	@mkdir -p out/examples
+	@for example in examples/[0-9]*.py; do echo $$example; (cd out/examples && ../../$(PYTHON) ../../$$example) || exit 1; done
 
 bench: install  ## timings of the parts; informative, never a test
 	@for benchmark in benchmarks/*.py; do echo $$benchmark; $(PYTHON) $$benchmark || exit 1; done

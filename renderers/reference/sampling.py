@@ -1,6 +1,8 @@
 """Paths through chosen points of pixels: `spp` samples a pixel, box-filtered or all from one point, summed in float64.
 
-Streams: the sampler is Mitsuba's `multijitter` (never `ldsampler`: its mean is off by up to 0.75 %, which replicates can't see).
+Streams: the sampler is Mitsuba's `multijitter` (never `ldsampler`: its mean is off by up to 0.75 %, which replicates can't see),
+but `independent` for fewer than MULTIJITTER_LEAST samples a pixel: there the strata of one dimension tell those of the others, and
+long paths lose energy (white furnace of albedo 0.9: -3.5 % at 4 samples, -1.8 % at 16, nothing from 36 on).
 Bits of its seed: 31 = 0 for references, 1 for the method `pt`, so that a picture and its truth never share paths. For references,
 30..16 are the band of pixel rows and 15..0 the replicate number (an image of one band is seeded with the replicate number itself).
 """
@@ -26,6 +28,7 @@ Estimator = Callable[[Any, Any, Any, Any], Any]
 # Lanes of one wavefront: bounds memory (about 100 bytes a lane) and never depends on the machine, since it decides the seeds.
 LANES = 1 << 22
 CENTRE = (0.5, 0.5)
+MULTIJITTER_LEAST = 64
 
 
 def mean_image(
@@ -92,7 +95,7 @@ def _wavefront(scene: Any, size: tuple[int, int], spp: int, seed: int, point: Po
     """Sampler and camera rays of pixel rows top … top + rows: lane = (row · width + column) · spp + sample."""
     width, height = size
     lanes = width * rows * spp
-    sampler = mi.load_dict({"type": "multijitter", "sample_count": spp})
+    sampler = mi.load_dict({"type": "multijitter" if spp >= MULTIJITTER_LEAST else "independent", "sample_count": spp})
     sampler.set_samples_per_wavefront(spp)
     # Opaque numbers don't enter the compiled kernel: replicates, bands and sizes share one.
     sampler.seed(dr.opaque(mi.UInt32, seed), lanes)
