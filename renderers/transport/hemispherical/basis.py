@@ -46,7 +46,7 @@ def degrees(order: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def order_of(count: int) -> int:
     """The order whose number of coefficients is `count`. Raises ValueError if `count` is no positive square."""
-    order = int(round(count**0.5))
+    order = round(count**0.5)
     if order < 1 or order * order != count:
         raise ValueError(f"{count} is not a number of coefficients: those are 1, 4, 9, ...")
     return order
@@ -60,7 +60,7 @@ def directions_of(mu: NDArray[Float], phi: NDArray[Float]) -> NDArray[Float]:
 
 
 def hemispherical_harmonics(directions: NDArray[Float], order: int) -> NDArray[Float]:
-    """All H of an order at unit directions (..., 3) in the local frame: (..., order²) in sr^-½, float32 or float64 as the directions.
+    """All H of an order at unit local directions (..., 3): (..., order²) in sr^-½, float32 or float64 as the directions.
 
     z is clamped to [0, 1]. Raises ValueError below the horizon (z < -1e-3) and for NaN.
     """
@@ -112,16 +112,16 @@ def _evaluated(directions: NDArray[Float], order: int, hemisphere: bool) -> NDAr
     return values
 
 
-@numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(nogil=True, cache=True)
 def _evaluate(directions: Any, diagonal: Any, upward: Any, downward: Any, hemisphere: bool, out: Any) -> None:
-    start = np.sqrt(1 / (2 * np.pi)) if hemisphere else np.sqrt(1 / (4 * np.pi))
+    start = (1 / np.sqrt(2 * np.pi)) if hemisphere else (1 / np.sqrt(4 * np.pi))
     for i in range(len(directions)):
         u, v, x = np.float64(directions[i, 0]), np.float64(directions[i, 1]), np.float64(directions[i, 2])
         if hemisphere:
             mu = min(max(x, 0.0), 1.0)
             stretch = 2 * np.sqrt(mu / (1 + mu))
             u, v, x = u * stretch, v * stretch, 2 * mu - 1
-        real, imaginary, first = 1.0, 0.0, start
+        real, imaginary, first = 1.0, 0.0, float(start)
         for m in range(len(diagonal)):
             if m > 0:
                 real, imaginary = real * u - imaginary * v, real * v + imaginary * u

@@ -2,8 +2,8 @@
 
     s = ∫ L Y dω in world axes  →  s' = D(F) s in the point's frame (rows t, b, n)  →  h = C s'  →  L_o = Σ_i h_i c_i(ω_o)
 
-Gautron 2006, section 3.4. The result is ∫_H (f truncated to order n) (L truncated to order N) dω: it is the environment's order that
-decides about sharpness. No shadows: everything above the horizon counts.
+Gautron 2006, section 3.4. The result is ∫_H (f truncated to order n) (L truncated to order N) dω: the environment's order decides
+about sharpness. No shadows: everything above the horizon counts.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ F64 = NDArray[np.float64]
 
 
 def project_environment(environment: Environment, order: int) -> F64:
-    """Spherical coefficients (order², 3) of the environment in world axes, exact for each bilinear cell of the image to 2×2 nodes."""
+    """Spherical coefficients (order², 3) of the environment in world axes, by 2×2 nodes in each cell of the image."""
     result = np.zeros((order**2, 3))
     if environment.image is None:
         result[0] = np.sqrt(4 * np.pi) * np.asarray(environment.radiance)

@@ -1,4 +1,4 @@
-"""The matrices of a turn of hemispherical harmonics about y by an angle β: integrals over the lune H - I that stays above the horizon.
+"""The matrices of a turn of hemispherical harmonics about y by an angle β: integrals over the lune H - I that stays up.
 
     deletion   M(β)_ij   = ∫_{H-I} H_i(ω) H_j(ω) dω          what sinks is cut away, nothing is turned
     rotation   M_R(β)_ij = ∫_{H-I} H_i(ω) H_j(R_β ω) dω      g = M_R(β)ᵀ f: the exact projection of the turned, cut function
@@ -79,8 +79,8 @@ def lune_table(kind: Kind, order: int, angles: int = ANGLES) -> LuneTable:
     even, odd = np.flatnonzero(m >= 0), np.flatnonzero(m < 0)
     make = deletion_matrix if kind == "deletion" else rotation_matrix_y
     matrices = [make(float(_angle(k, angles - 1)), order) for k in range(angles)]
-    blocks = (np.stack([a[np.ix_(rows, rows)] for a in matrices]).astype(np.float32) for rows in (even, odd))
-    return LuneTable(*blocks, even, odd)
+    blocks = [np.stack([a[np.ix_(rows, rows)] for a in matrices]).astype(np.float32) for rows in (even, odd)]
+    return LuneTable(blocks[0], blocks[1], even, odd)
 
 
 def about_y(beta: float) -> F64:

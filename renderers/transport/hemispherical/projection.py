@@ -65,7 +65,7 @@ def polar_pixels(rows: int, columns: int) -> Pixels:
 
 
 def plane_pixels(size: int, half_width: float) -> Pixels:
-    """Image (size, size) on the plane z = 1, |x|, |y| ≤ half_width: row 0 at +y, column 0 at -x. Covers a part of the hemisphere."""
+    """Image (size, size) on the plane z = 1, |x|, |y| ≤ half_width: row 0 at +y, column 0 at -x. Part of the hemisphere."""
     edges = np.linspace(-half_width, half_width, size + 1)
     x, x_weights = _gauss_cells(edges)
     return _perspective("top", x, x[::-1, ::-1], x_weights, x_weights)
@@ -87,7 +87,7 @@ def hemicube_pixels(size: int) -> Pixels:
 
 
 def reconstruct(coefficients: F64, directions: F64) -> F64:
-    """Σ_i f_i H_i at directions (..., 3): (...) for coefficients (n²,), (..., C) for (n², C). May ring below zero: see `clamped`."""
+    """Σ_i f_i H_i at directions (..., 3): (...) for coefficients (n²,), (..., C) for (n², C). May ring below 0: see `clamped`."""
     return np.asarray(hemispherical_harmonics(directions, order_of(len(coefficients))) @ coefficients)
 
 

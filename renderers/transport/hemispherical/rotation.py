@@ -1,7 +1,7 @@
 """Rotation of hemispherical harmonics: g(ω) = f(Rᵀω) where Rᵀω was above the old horizon, and 0 elsewhere.
 
-With R = R_z(α) R_y(β) R_z(γ) (Euler angles z-y-z) the coefficients become g = Z(α) T(β) Z(γ) f. Turns about z are exact. Turns about y
-lose what sinks below the horizon; Gautron 2006, section 3.3, has three of them:
+With R = R_z(α) R_y(β) R_z(γ) (Euler angles z-y-z) the coefficients become g = Z(α) T(β) Z(γ) f. Turns about z are exact. Those about
+y lose what sinks below the horizon; Gautron 2006, section 3.3, has three of them:
 
     precomputed   T = M_R(β)ᵀ, interpolated in a table: up to that, the best any matrix can do (default)
     spherical     T = C D(R) Cᵀ through spherical harmonics of a higher order, with no Euler angles
@@ -70,7 +70,7 @@ def rotate_about_z(coefficients: F64, angle: F64 | float) -> F64:
 
 
 def euler_angles(rotation: F64) -> tuple[F64, F64, F64]:
-    """(α, β, γ), float64 (N,) each, of R = R_z(α) R_y(β) R_z(γ), rotation (N, 3, 3); β in [0, π], and γ = 0 where sin β vanishes."""
+    """(α, β, γ), float64 (N,) each, of R = R_z(α) R_y(β) R_z(γ), rotation (N, 3, 3); β in [0, π], γ = 0 where sin β vanishes."""
     sine = np.hypot(rotation[:, 0, 2], rotation[:, 1, 2])
     beta = np.arctan2(sine, rotation[:, 2, 2])  # arccos would lose half the digits at small angles
     upright = sine < 1e-7
@@ -119,7 +119,7 @@ def _apply_table(kind: Literal["deletion", "rotation"], coefficients: F64, beta:
     return turned
 
 
-@numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(nogil=True, cache=True)
 def _apply_transposed(blocks: Any, rows: Any, lower: Any, weight: Any, coefficients: Any, out: Any) -> None:
     channels = coefficients.shape[2]
     for item in range(len(lower)):

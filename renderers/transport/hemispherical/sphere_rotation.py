@@ -27,7 +27,7 @@ def rotate_spherical(coefficients: F64, rotation: F64) -> F64:
     rotations = np.ascontiguousarray(np.broadcast_to(rotation, (len(signed), 3, 3)), np.float64)
     turned = np.empty_like(signed)
     in_threads(lambda part: _rotate(rotations[part], signed[part], turned[part]), chunks(len(signed), CHUNK))
-    return (turned * sign[:, None]).reshape(coefficients.shape)
+    return np.asarray((turned * sign[:, None]).reshape(coefficients.shape))
 
 
 def spherical_rotation_matrix(rotation: F64, order: int) -> F64:
@@ -35,9 +35,9 @@ def spherical_rotation_matrix(rotation: F64, order: int) -> F64:
     return rotate_spherical(np.eye(order**2)[None], rotation)[0]
 
 
-@numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(nogil=True, cache=True)
 def _rotate(rotations: Any, coefficients: Any, out: Any) -> None:
-    order = int(round(np.sqrt(coefficients.shape[1])))
+    order = round(np.sqrt(coefficients.shape[1]))
     channels = coefficients.shape[2]
     width = 2 * order - 1
     older, newer, first = np.zeros((width, width)), np.zeros((width, width)), np.zeros((3, 3))
@@ -62,7 +62,7 @@ def _rotate(rotations: Any, coefficients: Any, out: Any) -> None:
                     out[item, start + i, c] = total
 
 
-@numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(nogil=True, cache=True)
 def _next_block(first: Any, block: Any, degree: int, out: Any) -> None:
     """The block of `degree` from that of degree - 1; rows and columns are m + degree, and m + degree - 1 in `block`."""
     for m in range(-degree, degree + 1):
@@ -81,7 +81,7 @@ def _next_block(first: Any, block: Any, degree: int, out: Any) -> None:
             out[m + degree, k + degree] = value
 
 
-@numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(nogil=True, cache=True)
 def _product(first: Any, block: Any, degree: int, i: int, m: int, k: int) -> Any:
     """The paper's P_i(m, k): row i of the rotation times row m of the block."""
     row, last = m + degree - 1, 2 * degree - 2
@@ -92,7 +92,7 @@ def _product(first: Any, block: Any, degree: int, i: int, m: int, k: int) -> Any
     return first[i + 1, 1] * block[row, k + degree - 1]
 
 
-@numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(nogil=True, cache=True)
 def _neighbour_below(first: Any, block: Any, degree: int, m: int, k: int) -> Any:
     """The paper's V."""
     if m == 0:
@@ -104,7 +104,7 @@ def _neighbour_below(first: Any, block: Any, degree: int, m: int, k: int) -> Any
     return value if m == -1 else value + _product(first, block, degree, 1, m + 1, k)
 
 
-@numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(nogil=True, cache=True)
 def _neighbour_above(first: Any, block: Any, degree: int, m: int, k: int) -> Any:
     """The paper's W, for m ≠ 0."""
     if m > 0:
