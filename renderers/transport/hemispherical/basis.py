@@ -13,6 +13,7 @@ pole and no cancellation near it. float32 directions are worked on in float64 an
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -46,7 +47,7 @@ def degrees(order: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def order_of(count: int) -> int:
     """The order whose number of coefficients is `count`. Raises ValueError if `count` is no positive square."""
-    order = round(count**0.5)
+    order = math.isqrt(max(count, 0))
     if order < 1 or order * order != count:
         raise ValueError(f"{count} is not a number of coefficients: those are 1, 4, 9, ...")
     return order
@@ -121,7 +122,8 @@ def _evaluate(directions: Any, diagonal: Any, upward: Any, downward: Any, hemisp
             mu = min(max(x, 0.0), 1.0)
             stretch = 2 * np.sqrt(mu / (1 + mu))
             u, v, x = u * stretch, v * stretch, 2 * mu - 1
-        real, imaginary, first = 1.0, 0.0, float(start)
+        real, imaginary = 1.0, 0.0
+        first = np.float64(start)
         for m in range(len(diagonal)):
             if m > 0:
                 real, imaginary = real * u - imaginary * v, real * v + imaginary * u

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.transport.hemispherical.basis import degrees, hemispherical_harmonics
-from renderers.transport.hemispherical.quadrature import lune_quadrature
+from renderers.transport.hemispherical.quadrature import Quadrature, lune_quadrature
 
 F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
@@ -54,20 +54,19 @@ class LuneTable(NamedTuple):
         return result
 
 
-def deletion_matrix(beta: float, order: int, nodes: int | None = None) -> F64:
+def deletion_matrix(beta: float, order: int) -> F64:
     """M(β), float64 (order², order²), for β in [-π, π]: symmetric, eigenvalues in [0, 1], not a projector (apply it once)."""
-    quadrature = lune_quadrature(*_remaining(beta), nodes or enough_nodes(order))
-    values = hemispherical_harmonics(quadrature.directions, order)
-    return _parity_clean((values * quadrature.weights[:, None]).T @ values, order)
+    directions, weights = _half_lune(beta, order)
+    values = hemispherical_harmonics(directions, order)
+    return _blockwise(values, values, weights, order)
 
 
-def rotation_matrix_y(beta: float, order: int, nodes: int | None = None) -> F64:
+def rotation_matrix_y(beta: float, order: int) -> F64:
     """M_R(β), float64 (order², order²), for β in [-π, π]: rows are the source, so that g = M_R(β)ᵀ f. M_R(-β) = M_R(β)ᵀ."""
-    quadrature = lune_quadrature(*_remaining(beta), nodes or enough_nodes(order))
-    turned = quadrature.directions @ about_y(beta).T
+    directions, weights = _half_lune(beta, order)
+    turned = directions @ about_y(beta).T
     turned[:, 2] = np.maximum(turned[:, 2], 0)
-    source = hemispherical_harmonics(quadrature.directions, order)
-    return _parity_clean((source * quadrature.weights[:, None]).T @ hemispherical_harmonics(turned, order), order)
+    return _blockwise(hemispherical_harmonics(directions, order), hemispherical_harmonics(turned, order), weights, order)
 
 
 @lru_cache(maxsize=8)
@@ -90,7 +89,7 @@ def about_y(beta: float) -> F64:
 
 
 def enough_nodes(order: int) -> int:
-    """Nodes a side of the lune quadrature at which the matrices are exact to about 1e-9 (measured up to order 20)."""
+    """Nodes a side of the lune quadrature (even) at which the matrices are exact to about 1e-9 (measured up to order 20)."""
     return 24 + 4 * order
 
 
@@ -98,12 +97,18 @@ def _angle(k: NDArray[np.int64] | int, last: int) -> F64:
     return np.asarray(QUARTER * (np.asarray(k) / last) ** GRADING)
 
 
-def _remaining(beta: float) -> tuple[float, float]:
-    """The lune that stays above the horizon, as limits of ψ."""
-    return (beta, np.pi) if beta >= 0 else (0.0, np.pi + beta)
+def _half_lune(beta: float, order: int) -> Quadrature:
+    """The half y < 0 of the lune that stays above the horizon, with doubled weights: the integrands are even in y."""
+    low, high = (beta, np.pi) if beta >= 0 else (0.0, np.pi + beta)
+    directions, weights = lune_quadrature(low, high, enough_nodes(order))
+    half = len(weights) // 2
+    return Quadrature(directions[:half], 2 * weights[:half])
 
 
-def _parity_clean(matrix: F64, order: int) -> F64:
-    """The matrix with the entries that are zero by symmetry (cosine with sine) set to it."""
-    cosine = degrees(order)[1] >= 0
-    return np.where(cosine[:, None] == cosine, matrix, 0.0)
+def _blockwise(first: F64, second: F64, weights: F64, order: int) -> F64:
+    """Σ weights first_i second_j for i and j of equal parity, 0 elsewhere."""
+    result = np.zeros((order**2, order**2))
+    even = degrees(order)[1] >= 0
+    for rows in (np.flatnonzero(even), np.flatnonzero(~even)):
+        result[np.ix_(rows, rows)] = (first[:, rows] * weights[:, None]).T @ second[:, rows]
+    return result

@@ -1,7 +1,7 @@
 """Rotation of hemispherical harmonics: g(ω) = f(Rᵀω) where Rᵀω was above the old horizon, and 0 elsewhere.
 
-With R = R_z(α) R_y(β) R_z(γ) (Euler angles z-y-z) the coefficients become g = Z(α) T(β) Z(γ) f. Turns about z are exact. Those about
-y lose what sinks below the horizon; Gautron 2006, section 3.3, has three of them:
+With R = R_z(α) R_y(β) R_z(γ) (Euler angles z-y-z) the coefficients become g = Z(α) T(β) Z(γ) f. Turns about z are exact. Those
+about y lose what sinks below the horizon; Gautron 2006, section 3.3, has three of them:
 
     precomputed   T = M_R(β)ᵀ, interpolated in a table: up to that, the best any matrix can do (default)
     spherical     T = C D(R) Cᵀ through spherical harmonics of a higher order, with no Euler angles
@@ -13,6 +13,7 @@ Frame change: R = F_to F_fromᵀ with the rows t, b, n of each frame.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numba
@@ -42,7 +43,7 @@ def rotate(
     Raises ValueError for `analytic` beyond π/2.
     """
     order = order_of(coefficients.shape[1])
-    flat = np.array(coefficients, np.float64).reshape(*coefficients.shape[:2], -1)
+    flat = np.array(coefficients, np.float64).reshape(*coefficients.shape[:2], math.prod(coefficients.shape[2:]))
     rotations = np.broadcast_to(np.asarray(rotation, np.float64), (len(flat), 3, 3))
     moved = np.flatnonzero(np.abs(rotations - np.eye(3)).max(axis=(1, 2)) >= SAME)
     if method == "spherical":

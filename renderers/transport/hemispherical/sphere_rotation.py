@@ -6,6 +6,7 @@ recursion has no Condon–Shortley sign, so coefficients are multiplied by (-1)^
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba
@@ -23,16 +24,17 @@ def rotate_spherical(coefficients: F64, rotation: F64) -> F64:
     """D(R) f: coefficients float64 (N, n²) or (N, n², C), rotation (N, 3, 3) or one (3, 3); same shape as the coefficients."""
     order = order_of(coefficients.shape[1])
     sign = 1.0 - 2.0 * (degrees(order)[1] % 2)
-    signed = (coefficients.reshape(*coefficients.shape[:2], -1) * sign[:, None]).astype(np.float64)
+    channels = math.prod(coefficients.shape[2:])
+    signed = (coefficients.reshape(*coefficients.shape[:2], channels) * sign[:, None]).astype(np.float64)
     rotations = np.ascontiguousarray(np.broadcast_to(rotation, (len(signed), 3, 3)), np.float64)
-    turned = np.empty_like(signed)
+    turned: F64 = np.empty_like(signed)
     in_threads(lambda part: _rotate(rotations[part], signed[part], turned[part]), chunks(len(signed), CHUNK))
-    return np.asarray((turned * sign[:, None]).reshape(coefficients.shape))
+    return np.asarray(turned * sign[:, None]).reshape(coefficients.shape)
 
 
 def spherical_rotation_matrix(rotation: F64, order: int) -> F64:
     """D(R), float64 (order², order²), of one rotation (3, 3)."""
-    return rotate_spherical(np.eye(order**2)[None], rotation)[0]
+    return np.asarray(rotate_spherical(np.eye(order**2)[None], rotation)[0])
 
 
 @numba.njit(nogil=True, cache=True)
