@@ -123,7 +123,7 @@ def _evaluate(directions: Any, diagonal: Any, upward: Any, downward: Any, hemisp
             stretch = 2 * np.sqrt(mu / (1 + mu))
             u, v, x = u * stretch, v * stretch, 2 * mu - 1
         real, imaginary = 1.0, 0.0
-        first = np.float64(start)
+        first: Any = start
         for m in range(len(diagonal)):
             if m > 0:
                 real, imaginary = real * u - imaginary * v, real * v + imaginary * u
