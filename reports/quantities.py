@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,8 @@ SMALLEST = {"rmse": 0.011, "flicker": 0.022, "mean_bias": 1e-4, "ssim": 2e-4}
 # Wall clocks of quiet machines repeat to 2 %: less work than half of that buys no measurable time.
 SMALLEST_WORK = 0.01
 DECIDING = ("rmse", "ssim", "mean_bias", "flicker")
-SHOWN = ("over_2pct", "rel_mse", "flip_hdr")
+SHOWN = ("over_2pct", "rel_mse")
+SLOW = ("flip_hdr",)  # of the first seed alone
 
 Seeds = dict[int, list[tuple[Cell, Result]]]
 
@@ -46,6 +47,10 @@ class Match:
     def frames(self) -> list[int]:
         """Common frames."""
         return sorted({cell.frame for pairs in self.after.values() for cell, _ in pairs})
+
+    def cells(self, seed: int) -> list[tuple[Cell, Cell]]:
+        """Earlier and later cell of every frame of a seed."""
+        return [(old, new) for (old, _), (new, _) in zip(self.before[seed], self.after[seed], strict=True)]
 
     @property
     def same_bytes(self) -> bool:
@@ -74,61 +79,53 @@ def errors(found: Match, before: Images, after: Images, exposure: float) -> list
     """
     measured: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     for seed in found.seeds:
-        values = _seed_errors(found.before[seed], found.after[seed], before, after, exposure)
+        names = (*DECIDING, *SHOWN, *(SLOW if seed == found.seeds[0] else ()))
+        values = _seed_errors(names, found.cells(seed), before, after, exposure)
         if values is None:
             return None
         for key, pair in values.items():
             measured[key].append(pair)
     quantities = []
     for (against, name), pairs in measured.items():
-        if len(pairs) == len(found.seeds):
+        if len(pairs) == len(found.seeds) or name in SLOW:
             quantities.append(_error(against, name, [b for b, _ in pairs], [a for _, a in pairs]))
     return quantities
 
 
 def _seed_errors(
-    old: Sequence[tuple[Cell, Result]], new: Sequence[tuple[Cell, Result]], before: Images, after: Images, exposure: float
+    names: Sequence[str], cells: Sequence[tuple[Cell, Cell]], before: Images, after: Images, exposure: float
 ) -> dict[tuple[str, str], tuple[float, float]] | None:
-    """(before, after) of every metric of one seed, mean over frames; None where an image or a reference is missing."""
-    sequences: list[list[Pair]] = [[], []]
-    full: list[list[Pair]] = [[], []]
-    for (old_cell, _), (new_cell, _) in zip(old, new, strict=True):
-        images = [before.frame(old_cell), after.frame(new_cell)]
-        size = (new_cell.width, new_cell.height)
-        named = [(new_cell.transport, sequences), ("full", full)]
-        for transport, into in named:
-            reference = after.reference(new_cell.scene, new_cell.frame, transport, size) or before.reference(
-                new_cell.scene, new_cell.frame, transport, size
-            )
-            if reference is None or images[0] is None or images[1] is None:
-                return None
-            for side, image in zip(into, images, strict=True):
-                assert image is not None, "checked above"
-                side.append(reference.pair(image, exposure))
+    """(before, after) of metrics of one seed, mean over frames; None where an image or a reference is missing."""
     values: dict[tuple[str, str], tuple[float, float]] = {}
-    for against, name, measure in _measures():
-        sides = sequences if against == "matched" else full
-        pair = [measure(pairs) for pairs in sides]
-        if pair[0] is not None and pair[1] is not None:
-            values[against, name] = (pair[0], pair[1])
+    for against, wanted in (("matched", names), ("full", ("rmse",))):
+        pairs = [_pairs(old, new, against, before, after, exposure) for old, new in cells]
+        whole = [pair for pair in pairs if pair is not None]
+        if len(whole) < len(pairs):
+            return None
+        for name in wanted:
+            b, a = (_measure(name, [pair[side] for pair in whole]) for side in (0, 1))
+            if b is not None and a is not None:
+                values[against, name] = (b, a)
     return values
 
 
-def _measures() -> Iterable[tuple[str, str, Callable[[Sequence[Pair]], float | None]]]:
-    for name in (*DECIDING, *SHOWN):
-        yield "matched", name, flicker if name == "flicker" else _mean_of(name)
-    yield "full", "rmse", _mean_of("rmse")
+def _pairs(old: Cell, new: Cell, against: str, before: Images, after: Images, exposure: float) -> tuple[Pair, Pair] | None:
+    """Both runs' images of a cell beside one reference, the later run's where it has one."""
+    wanted = (new.scene, new.frame, new.transport if against == "matched" else "full", (new.width, new.height))
+    reference = after.reference(*wanted) or before.reference(*wanted)
+    earlier, later = before.frame(old), after.frame(new)
+    if reference is None or earlier is None or later is None:
+        return None
+    return reference.pair(earlier, exposure), reference.pair(later, exposure)
 
 
-def _mean_of(name: str) -> Callable[[Sequence[Pair]], float | None]:
+def _measure(name: str, pairs: Sequence[Pair]) -> float | None:
+    """A metric's mean over frames, or the sequence's flicker; None where it isn't defined."""
     function = METRICS[name].function
-    assert function is not None, f"{name} is a metric of single images"
-
-    def measure(pairs: Sequence[Pair]) -> float | None:
-        values = [function(pair) for pair in pairs]
-        return None if any(v is None for v in values) else float(np.mean([v for v in values if v is not None]))
-
-    return measure
+    if function is None:
+        return flicker(pairs)
+    values = [value for pair in pairs if (value := function(pair)) is not None]
+    return float(np.mean(values)) if len(values) == len(pairs) else None
 
 
 def _error(against: str, name: str, before: Sequence[float], after: Sequence[float]) -> Quantity:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from reports.change import VERDICTS, Comparison, Quantity, ReferenceChange, RowChange, RunSide, Verdict
 from reports.folder import Evaluation, read
-from reports.format import number, percent
+from reports.format import count, number, percent
 from reports.moved import references_moved
 from reports.paired import holm
 from reports.quantities import Match, costs, counters_apart, errors, match, work
@@ -222,9 +222,16 @@ def sentence(quantity: Quantity) -> str:
     """One change in words: `RMSE 3.10 → 3.42 (+10 %)`."""
     if quantity.id == "matched.mean_bias":
         return f"{quantity.name} {_signed_percent(quantity.before)} → {_signed_percent(quantity.after)}"
-    digits = 5 if quantity.id.endswith("ssim") else 3
-    values = f"{quantity.name} {number(quantity.before, digits)} → {number(quantity.after, digits)}"
+    if quantity.kind == "work":
+        values = f"{quantity.name} {_count(quantity.before)} → {_count(quantity.after)}"
+    else:
+        digits = 5 if quantity.id.endswith("ssim") else 3
+        values = f"{quantity.name} {number(quantity.before, digits)} → {number(quantity.after, digits)}"
     return values + (f" ({_signed_percent(quantity.relative)})" if quantity.relative is not None else "")
+
+
+def _count(value: float) -> str:
+    return count(round(value)) if value == round(value) else number(value, 6)
 
 
 def _signed_percent(value: float | None) -> str:

@@ -82,14 +82,16 @@ def headline(comparison: Comparison) -> str:
     counts = dict(comparison.counts)
     newly = sum(row.newly_failed for row in comparison.rows)
     moved = sum(reference.verdict == "regression" for reference in comparison.references)
-    bad = [f"{counts['regression']} got worse" if counts.get("regression") else "", f"{newly} newly failed" if newly else ""]
-    bad.append(f"{moved} reference{'s' if moved != 1 else ''} moved" if moved else "")
-    rows = f"of {len(comparison.rows)} rows"
+    bad = [
+        f"{counts.get('regression', 0)} of {len(comparison.rows)} rows got worse beyond noise" if counts.get("regression") else "",
+        f"{newly} row{'s' if newly != 1 else ''} newly failed" if newly else "",
+        f"{moved} reference{'s' if moved != 1 else ''} moved" if moved else "",
+    ]
     if any(bad):
-        return ", ".join(b for b in bad if b) + f" {rows}."
+        return ", ".join(b for b in bad if b) + "."
     if set(counts) <= {"unchanged"}:
         return f"Every image is the same to the last byte ({len(comparison.rows)} rows)."
-    return f"Nothing got worse beyond noise {rows}."
+    return f"Nothing got worse beyond noise ({len(comparison.rows)} rows)."
 
 
 def _quantity(row: RowChange, key: str) -> Quantity | None:
