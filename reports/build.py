@@ -45,7 +45,7 @@ def write(folder: Path) -> Path:
     rows = gather(evaluation, results)
     images = Images(folder, evaluation)
     scenes = [_scene(images, evaluation, scene, rows[scene.name], assets, f"s{k}") for k, scene in enumerate(evaluation.scenes)]
-    page = _environment().get_template("report.html").render(_context(evaluation, results, rows, scenes))
+    page = environment().get_template("report.html").render(_context(evaluation, results, rows, scenes))
     tables.write_tables(folder, evaluation, results)
     shutil.rmtree(folder / "assets", ignore_errors=True)
     assets.rename(folder / "assets")
@@ -55,7 +55,8 @@ def write(folder: Path) -> Path:
     return folder / "index.html"
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Jinja with the filters of the pages."""
     environment = Environment(
         loader=FileSystemLoader(HERE / "templates"),
         autoescape=True,

@@ -44,7 +44,7 @@ class Images:
         """The pixel-centre reference of a scene, frame, transport and size (width, height); None when there is none."""
         for info in self._infos:
             if (info.scene, info.frame, info.transport, info.pixel) == (scene, frame, transport, "centre"):
-                found = self._stored(info)
+                found = self.stored(info)
                 if found is not None and found.mean.shape[:2] == size[::-1]:
                     return found
         return None
@@ -53,7 +53,8 @@ class Images:
         """Free the references read so far."""
         self._references.clear()
 
-    def _stored(self, info: ReferenceInfo) -> StoredReference | None:
+    def stored(self, info: ReferenceInfo) -> StoredReference | None:
+        """The reference that an info names; None when the folder does not hold it."""
         if info.id not in self._references:
             path = self.folder / "references" / f"{info.id}.exr"
             self._references[info.id] = _read_reference(info, path) if path.is_file() else None

@@ -12,9 +12,12 @@ from typer.exceptions import TyperException
 from jobs.code import installed
 from jobs.errors import RequestError, TaskError
 from renderers import SceneError, UnknownMethod, UnsupportedScene
+from service.commands._accept import accept
+from service.commands._compare import compare
 from service.commands._doctor import doctor
 from service.commands._evaluate import evaluate
 from service.commands._methods import methods
+from service.commands._nightly import nightly
 from service.commands._reference import reference
 from service.commands._render import render
 from service.commands._scenes import scenes
@@ -37,7 +40,7 @@ def luxmeter(
     """Measure real-time global illumination and soft shadows against path-traced truth."""
 
 
-for command in (doctor, scenes, methods, render, reference, evaluate):
+for command in (doctor, scenes, methods, render, reference, evaluate, nightly, compare, accept):
     app.command()(command)
 
 

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from jobs.errors import RequestError
 
-OURS = ("evaluation.json", "result.json", "reference.json")
+OURS = ("evaluation.json", "result.json", "reference.json", "run.json", "comparison.json")
 WIDE = 200  # columns of a table that goes into a file or a pipe
 console = Console(stderr=True, soft_wrap=True)
 
