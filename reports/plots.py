@@ -99,13 +99,16 @@ def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> N
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(lambda value, _: f"{value:g}")
         axis.set_minor_formatter(NullFormatter())
+    floors = [f for p in found if (f := p.row.floor(against)) is not None and f > 0]
+    # Before anything is drawn: one point alone has no extent, and a line across it would ask matplotlib for one.
+    axes.set_xlim(*_limits([p.seconds for p in found]))
+    axes.set_ylim(*_limits([y for p in found for y in _extent(p)] + floors))
     _path_tracing(axes, found)
     for point in found:
         _draw(axes, point)
     front = [found[i] for i in pareto([(p.seconds, p.error.mean) for p in found])]
     steps = [(p.seconds, max(p.error.mean, LEAST_ERROR)) for p in front]
     axes.step(*zip(*steps, strict=True), where="post", color=theme.ink, linewidth=1, linestyle=":", label="Pareto front", zorder=1)
-    floors = [f for p in found if (f := p.row.floor(against)) is not None and f > 0]
     for k, floor in enumerate(sorted(set(floors))):
         label = "reference noise floor" if k == 0 else None
         axes.axhline(floor, color=theme.ink, linewidth=0.8, linestyle=(0, (6, 3)), alpha=0.6, label=label)
@@ -116,6 +119,12 @@ def _limits(values: Sequence[float]) -> tuple[float, float]:
     low, high = min(values), max(values)
     margin = max((10.0 * low / high) ** 0.5, 1.25)
     return low / margin, high * margin
+
+
+def _extent(point: Point) -> list[float]:
+    """Heights that a point needs: its mean and its interval, the lower end no further than a decade down."""
+    y = max(point.error.mean, LEAST_ERROR)
+    return [y, max(point.error.high, y), max(point.error.low, y / 10)]
 
 
 def _path_tracing(axes: Axes, found: Sequence[Point]) -> None:

@@ -173,6 +173,7 @@ def test_scenes_without_light_are_black_with_a_note(transport: renderers.Transpo
     assert not reference.image.any()
     assert reference.noise == 0.0
     assert "black" in reference.notes[0]
+    assert exposure(reference) == 1.0
 
 
 def test_ambient_occlusion_needs_no_light_and_keeps_the_background_black() -> None:
