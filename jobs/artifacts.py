@@ -8,8 +8,8 @@ A folder by default; any fsspec URL (LUXMETER_STORE), so that several machines s
 
 In a folder each file is written under a temporary name, flushed to disk, and renamed, or linked where it must not replace another.
 Object stores put whole objects; a key is created with mode `xb` where the store has it, and otherwise after asking whether it
-exists: two machines that bind one key in the same instant may then both believe to be first, which loses nothing, since each artefact
-lies under its own hash and equal work makes equal artefacts.
+exists: two machines that bind one key in the same instant may then both believe to be first, which loses nothing, since each
+artefact lies under its own hash and equal work makes equal artefacts.
 """
 
 from __future__ import annotations
@@ -177,10 +177,10 @@ class Artifacts:
 
     def _create(self, path: str, data: bytes) -> dict[str, Any]:
         """Create a small file unless there is a sound one; returns what it holds in the end."""
-        if self.local:
+        if self.local and not _touch(path):
             with contextlib.suppress(FileExistsError), _temporary(Path(path), data) as temporary:
                 os.link(temporary, path)
-        elif not self._files.exists(path):
+        elif not self.local and not self._files.exists(path):
             with contextlib.suppress(FileExistsError):
                 self._create_remote(path, data)
         return dict(json.loads(self._files.cat_file(path)))

@@ -1,8 +1,8 @@
 """The engine: evaluations and their nodes as DBOS workflows. The one module that knows DBOS.
 
 An evaluation is a workflow on the queue `orchestra`: it enqueues nodes whose predecessors have ended, waits for the next one to
-end, and so on to the report. A node is a workflow on `gl`, `reference` or `light` whose one long step does the work. A process that dies
-loses nothing: its workflows go on after the last step that was recorded. A step may run twice, its result is recorded once.
+end, and so on to the report. A node is a workflow on `gl`, `reference` or `light` whose one long step does the work. A process that
+dies loses nothing: its workflows go on after the last step that was recorded. A step may run twice, its result is recorded once.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Client:
         with readable_errors(self.url):
             self._client.enqueue(options, id, attempt)
 
-    def forget(self, id: str, attempts: int) -> None:
+    def forget(self, id: str) -> None:
         """Delete all workflows of an evaluation."""
         with readable_errors(self.url):
             known = self._client.list_workflows(workflow_id_prefix=f"{id}.", load_input=False, load_output=False)
@@ -122,7 +122,7 @@ class Engine:
 
     def __init__(
         self, url: str, executor: str, records: Records, bench: Bench, *, poll_s: float = 0.5, observer: Observer | None = None,
-        nightly: Callable[[datetime], None] | None = None, cron: str = "0 3 * * *",
+        nightly: Callable[[datetime], None], cron: str | None,
     ) -> None:  # fmt: skip
         self.url, self.executor, self.records, self.bench, self.poll_s = url, executor, records, bench, poll_s
         self.nightly, self.cron = nightly, cron
@@ -151,7 +151,7 @@ class Engine:
             DBOS.launch()
             for name, limit in LIMITS.items():
                 DBOS.register_queue(name, worker_concurrency=limit, polling_interval_sec=self.poll_s, on_conflict="always_update")
-            if self.nightly is not None:
+            if self.cron is not None:
                 DBOS.apply_schedules([{"schedule_name": "nightly", "workflow_fn": nightly, "schedule": self.cron}])
         self._monitor.start()
 
@@ -416,9 +416,7 @@ def nightly(scheduled: datetime, context: Any) -> None:
 @DBOS.step(name="night")
 def night(scheduled: datetime) -> None:
     """Call the worker's nightly function."""
-    function = current().nightly
-    if function is not None:
-        function(scheduled)
+    current().nightly(scheduled)
 
 
 def _facts(node: Node) -> dict[str, Any]:

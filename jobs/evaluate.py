@@ -80,7 +80,7 @@ def evaluate(plan: Plan, folder: Path, options: Options | None = None, notify: C
         url = f"sqlite:///{path}"
         queue = JobQueue(url, options.store.artifacts)
         worker = Worker(
-            url, options.store.artifacts, poll_s=POLL_S, home=options.store, runner=options.runner, wall_s=None,
+            url, options.store.artifacts, poll_s=POLL_S, home=options.store, runner=options.runner, wall_s=None, cron=None,
             observer=lambda node, state, detail, error: tell(Event(node, state, detail, error)),
         )  # fmt: skip
         try:

@@ -1,7 +1,8 @@
 """Who may use the machine: timed work has it alone, other work shares it. Holds across all processes with one data folder.
 
 Two files are locked as the kernel locks files, so a lock ends with the process that holds it, however that ends. Whoever comes
-takes `turn` first and keeps it while waiting for `room`: an exclusive taker that waits lets nobody else in before it, so neither starves.
+takes `turn` first and keeps it while waiting for `room`: an exclusive taker that waits lets nobody else in before it, and neither
+starves.
 """
 
 from __future__ import annotations

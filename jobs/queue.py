@@ -55,7 +55,7 @@ Results = list[Result]
 class JobQueue:
     """Evaluations in a database and an artefact store. Methods that take an id raise KeyError where there is no such evaluation.
 
-    database: `sqlite:////path/file` or `postgresql://…`; store: a folder or an fsspec URL. Raises StoreError where one can't be used.
+    database: `sqlite:////path/file` or `postgresql://…`; store: a folder or an fsspec URL. Raises StoreError where either fails.
     """
 
     def __init__(self, database: str | None = None, store: str | None = None) -> None:
@@ -165,6 +165,12 @@ class JobQueue:
             "queues": queues, "failures": self.records.failures(), "seconds": self.records.seconds(),
             "workers": [row["id"] for row in self.records.workers()], "clashes": len(self.artifacts.clashes()),
         }  # fmt: skip
+
+    def forget(self, id: str) -> None:
+        """Remove an evaluation that has ended from the database; its artefacts stay until nothing names them."""
+        if self.records.evaluation(id)["finished"] is not None:
+            self._client.forget(id)
+            self.records.forget(id)
 
     def check(self) -> None:
         """Raises StoreError where the database can't be reached or the store can't be written."""

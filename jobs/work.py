@@ -1,6 +1,7 @@
 """What each node of a plan does: a function of plan, node, the outcomes it builds on and the artefact store.
 
-Nothing is kept in memory. Images and results are made in a folder that is thrown away and committed to the store; the outcome says under which hashes.
+Nothing is kept in memory. Images and results are made in a folder that is thrown away, and committed to the store; the outcome
+says under which hashes.
 """
 
 from __future__ import annotations

@@ -28,6 +28,7 @@ from jobs.work import Bench, Runner
 
 LEASE_S = 45.0
 LONGEST_S = 6 * 3600.0
+KEEP_DAYS = 90.0
 MOST_WORKERS = 256
 log = logging.getLogger(__name__)
 
@@ -36,14 +37,14 @@ class Worker:
     """Takes work from all queues: one timed render, one reference and two light nodes at once.
 
     database, store: as for JobQueue. lease_s: how long a worker may be silent before others take its work; more than the longest
-    pause of the machine. wall_s, memory_bytes: limits of a child whose evaluation names none. nightly: called once a night by one of all
-    workers, at the times of the cron line.
+    pause of the machine. wall_s, memory_bytes: limits of a child whose evaluation names none. nightly: called by one of
+    all workers at the times of the cron line (UTC; None: never), after old evaluations and unused artefacts were removed.
     """
 
     def __init__(
         self, database: str | None = None, store: str | None = None, *, lease_s: float = LEASE_S, poll_s: float = 0.5,
         wall_s: float | None = LONGEST_S, memory_bytes: int | None = None, runner: Runner = run_task, home: Store | None = None,
-        observer: Observer | None = None, nightly: Callable[[datetime], None] | None = None, cron: str = "0 3 * * *",
+        observer: Observer | None = None, nightly: Callable[[datetime], None] | None = None, cron: str | None = "0 3 * * *",
     ) -> None:  # fmt: skip
         self.home = home or Store()
         self.lease_s, self.poll_s = lease_s, poll_s
@@ -65,7 +66,7 @@ class Worker:
             self.records.beat(executor, started, self.lease_s)
             engine = Engine(
                 self.records.url, executor, self.records, self.bench, poll_s=self.poll_s, observer=self._observer,
-                nightly=self._nightly, cron=self._cron,
+                nightly=self._night, cron=self._cron,
             )  # fmt: skip
             client = Client(self.records.url)
             engine.start()
@@ -83,6 +84,23 @@ class Worker:
                 self.records.leave(executor)
                 client.close()
                 self.records.close()
+
+    def _night(self, scheduled: datetime) -> None:
+        """Clean up as LUXMETER_KEEP_DAYS and LUXMETER_KEEP_GIB say, then call the nightly function."""
+        from jobs.queue import JobQueue
+        from jobs.retention import clean_up, clean_up_runs
+
+        days = float(os.environ.get("LUXMETER_KEEP_DAYS") or KEEP_DAYS)
+        gib = os.environ.get("LUXMETER_KEEP_GIB")
+        queue = JobQueue(self.records.url, self.bench.artifacts.url)
+        try:
+            removed = clean_up(queue, days=days, most_bytes=int(float(gib) * 2**30) if gib else None)
+        finally:
+            queue.close()
+        clean_up_runs(self.home.home / "runs")
+        log.info("clean-up: %s", removed)
+        if self._nightly is not None:
+            self._nightly(scheduled)
 
     def _beat(self, engine: Engine, client: Client, started: float, ended: threading.Event) -> None:
         while True:
