@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 
 from jobs.errors import describe
 from jobs.files import write_text
+from jobs.points import reach
 from jobs.tasks import PilotTask, ReferenceTask, RenderTask, Task
 
 PR_SET_PDEATHSIG = 1
@@ -37,7 +38,9 @@ def main(arguments: list[str]) -> int:
         except Exception as error:  # the process's edge: every failure becomes the cell's error
             traceback.print_exc()
             answer = {"error": describe(error)}
+    reach("child before answer")
     write_text(Path(answer_file), json.dumps(answer))
+    reach("child after answer")
     return 1 if "error" in answer else 0
 
 

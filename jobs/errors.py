@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import ValidationError
 
 
@@ -9,12 +11,22 @@ class RequestError(ValueError):
     """A request that can't be carried out: one line naming the field and what is allowed. Raised before any work."""
 
 
+Failure = Literal["error", "crash", "timeout", "memory", "cancelled", "abandoned", "store", "needs", "poison"]
+"""How work ended badly: an exception of the task; its process died; it ran over a limit; it was cancelled; the worker lost it to
+another one; the store refused it; something it builds on failed; its worker died each time it was tried."""
+
+
 class TaskError(RuntimeError):
     """A task that failed in its child process; the message is one line, `log` what the child wrote on its standard error."""
 
-    def __init__(self, message: str, log: str = "") -> None:
+    def __init__(self, message: str, log: str = "", failure: Failure = "error") -> None:
         super().__init__(message)
         self.log = log
+        self.failure: Failure = failure
+
+
+class StoreError(RuntimeError):
+    """The artefact store or the queue's database can't be read or written: full, read-only, unreachable. One line."""
 
 
 def one_line(error: ValidationError) -> str:

@@ -1,29 +1,35 @@
-"""Carry out a plan in a folder: child processes for references and renders, then comparisons, then the report."""
+"""Carry out a plan on the embedded queue: an SQLite file in the data folder, and a worker in this process.
+
+The same engine as the service's, for one evaluation. The file is removed when the evaluation has ended; after a crash the same call
+finds it and goes on where that one was.
+"""
 
 from __future__ import annotations
 
-import threading
-import traceback
-from collections.abc import Callable
+import hashlib
+import itertools
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from jobs.comparing import Metrics, ReferenceImage, against, noise_floor
-from jobs.engine import Engine, Failures, LocalEngine, Node
-from jobs.errors import TaskError, describe
-from jobs.files import safe_name, write_model, write_text
-from jobs.graph import exposure_reference, graph, references_of
-from jobs.plan import Plan, reference_id
-from jobs.process import Limits, run_task
+from jobs.folder import write_folder
+from jobs.graph import Node
+from jobs.machine import only_one
+from jobs.outcome import Order
+from jobs.plan import Plan
+from jobs.process import run_task
 from jobs.store import Store
-from jobs.tasks import PilotTask, ReferenceTask, RenderTask
-from renderers.images import read_exr
-from reports.folder import Cell, Evaluation, ReferenceInfo, State
-from reports.results import Result
+from jobs.work import Runner
+from reports.folder import Evaluation, State
 
-Runner = Callable[[RenderTask | PilotTask | ReferenceTask, Limits, Callable[[dict[str, Any]], None]], dict[str, Any]]
+if TYPE_CHECKING:
+    from jobs.queue import JobQueue
+
+POLL_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -38,163 +44,83 @@ class Event:
 
 @dataclass(frozen=True)
 class Options:
-    """How to carry a plan out. wall_s, memory_bytes: of each child; repeats: renders of a frame; max_seconds: of a reference."""
+    """How to carry a plan out. wall_s, memory_bytes: of each child; repeats: renders of a frame; max_seconds: of a reference.
+
+    Renders are timed anew unless `reuse` allows those of the artefact store.
+    """
 
     command: str = ""
     repeats: int = 1
     wall_s: float | None = None
     memory_bytes: int | None = None
     max_seconds: float | None = None
-    engine: Engine = field(default_factory=LocalEngine)
+    reuse: bool = False
     store: Store = field(default_factory=Store)
     runner: Runner = run_task
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """What an Order says besides the plan."""
+        return {name: getattr(self, name) for name in ("command", "repeats", "wall_s", "memory_bytes", "max_seconds", "reuse")}
 
 
 def evaluate(plan: Plan, folder: Path, options: Options | None = None, notify: Callable[[Event], None] | None = None) -> Evaluation:
     """Do all of the plan's work and write the report into `folder`. A failing cell holds its error and leaves the others alone.
 
-    Images and results stay where even the report fails: `index.html` is missing then, and `logs/` says why.
+    Images and results are written even where the report fails: `index.html` is missing then, and `logs/` says why.
 
     An interrupt (Ctrl-C) ends the children, marks what was not done as cancelled, and the report is written all the same.
     """
-    run = _Run(plan, folder, options or Options(), notify or (lambda event: None))
-    try:
-        run.options.engine.run(graph(plan), run.work, run.cancel.set)
-    except KeyboardInterrupt:
-        run.write_report()
-    return run.evaluation
+    from jobs.queue import JobQueue
+    from jobs.worker import Worker
 
-
-class _Run:
-    """State of one evaluation under way. Its methods are called from the engine's threads; `lock` guards `evaluation`."""
-
-    def __init__(self, plan: Plan, folder: Path, options: Options, notify: Callable[[Event], None]) -> None:
-        self.plan, self.folder, self.options, self.notify = plan, folder, options, notify
-        self.lock = threading.Lock()
-        self.cancel = threading.Event()
-        self.exposures = dict(plan.exposures)
-        self.evaluation = Evaluation(
-            id=plan.id, created=datetime.now(UTC).isoformat(timespec="seconds"), command=options.command,
-            request=plan.request.model_dump(mode="json"), scenes=[scene.model_copy() for scene in plan.scenes],
-            cells=[cell.model_copy() for cell in plan.cells],
+    options = options or Options()
+    tell = notify or (lambda event: None)
+    with _own_database(plan, options) as path:
+        url = f"sqlite:///{path}"
+        queue = JobQueue(url, options.store.artifacts)
+        worker = Worker(
+            url, options.store.artifacts, poll_s=POLL_S, home=options.store, runner=options.runner, wall_s=None, cron=None,
+            observer=lambda node, state, detail, error: tell(Event(node, state, detail, error)),
         )  # fmt: skip
-        self._save()
-
-    def work(self, node: Node, failures: Failures) -> None:
-        """Carry out one node; raises TaskError where it fails."""
-        do = {
-            "reference": self._reference, "pilot": self._pilot, "render": self._render,
-            "aliasing": self._aliasing, "compare": self._compare, "report": self._report,
-        }[node.kind]  # fmt: skip
-        self.notify(Event(node, "running"))
         try:
-            do(node, failures)
-        except Exception as error:
-            failure = error if isinstance(error, TaskError) else TaskError(describe(error), traceback.format_exc())
-            self._fail(node, failure)
-            raise failure from error
-        self.notify(Event(node, "done"))
-
-    def _fail(self, node: Node, failure: TaskError) -> None:
-        state: State = "cancelled" if self.cancel.is_set() else "failed"
-        if failure.log:
-            write_text(self.folder / "logs" / f"{node.kind}.{safe_name(node.key)}.txt", failure.log)
-        if node.kind in ("render", "compare"):
-            self._mark(node.key, state, str(failure))
-        self.notify(Event(node, state, error=str(failure)))
-
-    def _reference(self, node: Node, failures: Failures) -> None:
-        task = self.plan.references[node.key].model_copy(
-            update={"folder": self.folder, "cache": self.options.store.references, "max_seconds": self.options.max_seconds}
-        )
-        answer = self._child(node, task)
-        with self.lock:
-            self.evaluation.references.append(ReferenceInfo.model_validate(answer["info"]))
-            self.evaluation.references.sort(key=lambda info: info.id)
-            if node.key == exposure_reference(self.plan, task.scene_name) and task.scene_name not in self.exposures:
-                kept = self.options.store.keep_exposure(answer["scene_hash"], answer["exposure"])
-                self.exposures[task.scene_name] = kept
-            self._save()
-
-    def _pilot(self, node: Node, failures: Failures) -> None:
-        self._child(node, self.plan.pilots[node.key].model_copy(update={"folder": self.folder}))
-
-    def _render(self, node: Node, failures: Failures) -> None:
-        _all_well(failures)
-        self._mark(node.key, "running")
-        changes = {"folder": self.folder, "repeats": self.options.repeats}
-        self._child(node, self.plan.renders[node.key].model_copy(update=changes))
-
-    def _aliasing(self, node: Node, failures: Failures) -> None:
-        _all_well(failures)
-        first = self.plan.request.frames[0]
-        centre, box = (self._read(reference_id(node.key, "full", pixel, first)) for pixel in ("centre", "box"))
-        found = against(box.mean, centre, self.exposures[node.key])
-        with self.lock:
-            info = next(scene for scene in self.evaluation.scenes if scene.name == node.key)
-            info.aliasing, info.exposure = found, self.exposures[node.key]
-            self._save()
-
-    def _compare(self, node: Node, failures: Failures) -> None:
-        if f"render:{node.key}" in failures:
-            return  # the cells hold the error already
-        _all_well(failures)
-        self._compare_frames(node.key)
-        self._mark(node.key, "done")
-
-    def _compare_frames(self, render: str) -> None:
-        task = self.plan.renders[render]
-        exposure = self.exposures[task.scene_name]
-        references = references_of(self.plan, render)
-        for output in task.outputs:
-            test = read_exr(self.folder / output.image)[0]["beauty"]
-            metrics: dict[str, Metrics] = {}
-            floors: dict[str, Metrics] = {}
-            for role, key in references[output.frame].items():
-                reference = self._read(key)
-                metrics[role], floors[role] = against(test, reference, exposure), noise_floor(reference, exposure)
-            path = self.folder / output.result
-            result = Result.model_validate_json(path.read_text())
-            write_model(path, result.model_copy(update={"metrics": metrics, "noise_floor": floors}))
-
-    def _report(self, node: Node, failures: Failures) -> None:
-        self.write_report()
-
-    def write_report(self) -> None:
-        """Write evaluation.json and the report; cells that were not done are cancelled."""
-        import reports
-
-        with self.lock:
-            for cell in self.evaluation.cells:
-                if cell.state in ("queued", "running"):
-                    cell.state, cell.error = "cancelled", "cancelled"
-            for scene in self.evaluation.scenes:
-                scene.exposure = self.exposures.get(scene.name, scene.exposure)
-            self._save()
-        reports.write(self.folder)
-
-    def _read(self, key: str) -> ReferenceImage:
-        return ReferenceImage.read(self.folder / self.plan.references[key].image)
-
-    def _child(self, node: Node, task: RenderTask | PilotTask | ReferenceTask) -> dict[str, Any]:
-        limits = Limits(self.options.wall_s, self.options.memory_bytes, self.cancel)
-        return self.options.runner(task, limits, lambda detail: self.notify(Event(node, "running", detail)))
-
-    def _mark(self, render: str, state: State, error: str | None = None) -> None:
-        with self.lock:
-            for cell in self._cells(render):
-                cell.state, cell.error = state, error
-            self._save()
-
-    def _cells(self, render: str) -> list[Cell]:
-        ids = {f"{render}.f{output.frame:04d}" for output in self.plan.renders[render].outputs}
-        return [cell for cell in self.evaluation.cells if cell.id in ids]
-
-    def _save(self) -> None:
-        write_model(self.folder / "evaluation.json", self.evaluation)
+            with worker.working():
+                _wait(queue, plan, options)
+            order = Order.model_validate_json(queue.records.evaluation(plan.id)["order"])
+            found = write_folder(plan, order, queue.records.outcomes(plan.id), queue.artifacts, folder)
+        finally:
+            queue.close()
+        _remove(path)
+    return found
 
 
-def _all_well(failures: Failures) -> None:
-    """Raises TaskError naming the first of the nodes that this one builds on and that failed."""
-    for name, error in failures.items():
-        raise TaskError(f"{name}: {error}")
+def _wait(queue: JobQueue, plan: Plan, options: Options) -> None:
+    """Submit the plan, or take up what an earlier process left of it, and wait for its end; an interrupt cancels it."""
+    status = queue.submit_plan(plan, plan.request.priority, queue.order(plan, plan.id, **options.how))
+    if status.state in ("failed", "cancelled"):
+        queue.retry(plan.id)
+    while True:
+        try:
+            while queue.records.evaluation(plan.id)["finished"] is None:
+                time.sleep(POLL_S)
+            return
+        except KeyboardInterrupt:
+            queue.cancel(plan.id)
+
+
+@contextmanager
+def _own_database(plan: Plan, options: Options) -> Iterator[Path]:
+    """A database that no other live process uses: that of an equal call that was killed, or a new one."""
+    body = json.dumps([plan.id, options.how | {"command": ""}])
+    name = hashlib.sha256(body.encode()).hexdigest()[:16]
+    for twin in itertools.count():
+        path = options.store.home.resolve() / "runs" / f"{name}-{twin}.sqlite"
+        with only_one(path.with_suffix(".lock")) as ours:
+            if ours:
+                yield path
+                return
+
+
+def _remove(database: Path) -> None:
+    for suffix in ("", "-wal", "-shm"):
+        database.with_name(database.name + suffix).unlink(missing_ok=True)

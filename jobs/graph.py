@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-from jobs.engine import Node
+from dataclasses import dataclass
+from typing import Literal
+
 from jobs.plan import Plan, reference_id
 
 REPORT = "report"
+Queue = Literal["reference", "gl", "light"]
+
+
+@dataclass(frozen=True)
+class Node:
+    """One piece of work. It runs when all of `after` have ended, well or not; `kind` and `key` say what it is."""
+
+    id: str
+    kind: Literal["reference", "pilot", "render", "aliasing", "compare", "report"]
+    key: str
+    queue: Queue
+    after: tuple[str, ...] = ()
 
 
 def graph(plan: Plan) -> list[Node]:

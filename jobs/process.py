@@ -15,22 +15,29 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
 
-from jobs.errors import TaskError
+from jobs.errors import Failure, TaskError
 from jobs.tasks import PilotTask, ReferenceTask, RenderTask
 
 POLL_S = 0.1
 ROOT = Path(__file__).resolve().parents[1]
 
 
+class Flag(Protocol):
+    """Something that says when to stop, such as a threading.Event."""
+
+    def is_set(self) -> bool:
+        """Whether to stop now; asked ten times a second."""
+
+
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of one child: wall seconds, resident bytes (None: unbounded), and an event that cancels it."""
+    """Bounds of one child: wall seconds, resident bytes (None: unbounded), and a flag that cancels it."""
 
     wall_s: float | None = None
     memory_bytes: int | None = None
-    cancel: threading.Event = field(default_factory=threading.Event)
+    cancel: Flag = field(default_factory=threading.Event)
 
 
 def run_task(
@@ -54,10 +61,12 @@ def run_task(
                 _kill_group(child)
         text = log.read_text(errors="replace")
         reply: dict[str, Any] = json.loads(answer.read_text()) if answer.is_file() else {}
-    if reason:
-        raise TaskError(reason, text)
-    if child.returncode != 0 or "error" in reply:
-        raise TaskError(reply.get("error") or _post_mortem(child.returncode, text), text)
+    if reason is not None:
+        raise TaskError(reason[1], text, reason[0])
+    if "error" in reply:
+        raise TaskError(reply["error"], text)
+    if child.returncode != 0:
+        raise TaskError(_post_mortem(child.returncode, text), text, "crash")
     return reply
 
 
@@ -69,8 +78,8 @@ def child_environment() -> dict[str, str]:
 
 def _watch(
     child: subprocess.Popen[bytes], pipe: BinaryIO, limits: Limits, progress: Callable[[dict[str, Any]], None]
-) -> str | None:
-    """Wait for the child, passing its progress on; the reason where it has to be killed."""
+) -> tuple[Failure, str] | None:
+    """Wait for the child, passing its progress on; kind and reason where it has to be killed."""
     end = time.monotonic() + limits.wall_s if limits.wall_s is not None else float("inf")
     pending = b""
     with selectors.DefaultSelector() as selector:
@@ -84,11 +93,11 @@ def _watch(
                 if not data:
                     selector.unregister(pipe)
             if limits.cancel.is_set():
-                return "cancelled"
+                return "cancelled", "cancelled"
             if time.monotonic() > end:
-                return f"took longer than {limits.wall_s:g} s"
+                return "timeout", f"took longer than {limits.wall_s:g} s"
             if limits.memory_bytes is not None and _resident_bytes(child.pid) > limits.memory_bytes:
-                return f"used more than {limits.memory_bytes / 2**20:.0f} MiB of memory"
+                return "memory", f"used more than {limits.memory_bytes / 2**20:.0f} MiB of memory"
     return None
 
 

@@ -15,9 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from jobs.code import versions
+from jobs.artifacts import Artifacts
+from jobs.code import code_hash, versions
 from jobs.errors import TaskError
 from jobs.files import whole, write_model, write_text
+from jobs.points import reach
 from jobs.scenes import open_scene
 from jobs.settings import dump, settings_hash, validate
 from jobs.tasks import FrameOutput, PilotTask, RenderTask
@@ -30,11 +32,14 @@ WARM_UP_SIZE = (32, 18)
 
 
 def render(task: RenderTask, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
-    """Write every frame's image and result; answers how many frames there are."""
+    """Write every frame's image and result; answers their number, the render's key, and whether the store had it."""
     scene = open_scene(task.scene).scene
     method = get_method(task.method)
     approximations = method.check(scene)
     settings = method.resolve(scene, validate(method, _settings(task)), device_string())
+    key = render_key(task, scene, dump(settings))
+    if task.store is not None and fetch(task, key):
+        return {"frames": len(task.outputs), "key": key, "cached": True}
     small = (min(task.size[0], WARM_UP_SIZE[0]), min(task.size[1], WARM_UP_SIZE[1]))
     method.render(replace(scene), settings, size=small, seed=task.seed, frame=task.outputs[0].frame)
     for done, output in enumerate(task.outputs):
@@ -46,8 +51,33 @@ def render(task: RenderTask, progress: Callable[[dict[str, Any]], None]) -> dict
         with whole(task.folder / output.image) as path:
             write_exr(path, frame.layers, "beauty", **attributes)
         write_model(task.folder / output.result, result)
+        reach("render between frames")
         progress({"done": done + 1, "of": len(task.outputs)})
-    return {"frames": len(task.outputs)}
+    return {"frames": len(task.outputs), "key": key, "cached": False}
+
+
+def render_key(task: RenderTask, scene: Scene, settings: dict[str, Any]) -> str:
+    """What decides the pixels: scene, frames, size, method, resolved settings, seed, GL device and code."""
+    parts = {
+        "scene": scene.hash, "frames": [task.outputs[0].frame, task.outputs[-1].frame], "size": task.size, "method": task.method,
+        "settings": settings, "seed": task.seed, "device": device_string(), "code": code_hash(),
+    }  # fmt: skip
+    return f"render {json.dumps(parts, sort_keys=True)}"
+
+
+def fetch(task: RenderTask, key: str) -> bool:
+    """Write the frames that the store holds under this key, named as this task names them; whether it holds them all."""
+    artifacts = Artifacts(task.store or "")
+    found = artifacts.lookup(key)
+    if found is None or not all(artifacts.has(name) for pair in found.value["frames"].values() for name in pair):
+        return False
+    for output in task.outputs:
+        image, row = found.value["frames"][str(output.frame)]
+        result = Result.model_validate_json(artifacts.get(row))
+        result = result.model_copy(update={"scene": task.scene_name, "label": task.label})
+        artifacts.get_file(image, task.folder / output.image)
+        write_model(task.folder / output.result, result)
+    return True
 
 
 def run_pilot(task: PilotTask) -> dict[str, Any]:
@@ -108,7 +138,7 @@ def _result(task: RenderTask, output: FrameOutput, scene: Scene, frame: Frame, s
         transport=get_method(task.method).transport(validate(get_method(task.method), settings)),
         timings=[asdict(t) for t in frame.timings], counters=dict(frame.counters), notes=[*scene.notes, *frame.notes],
         frame_hash=content_hash(frame), peak_rss_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-        device=device() | dict(frame.device), versions=versions(),
+        device=device() | dict(frame.device), versions=versions(), run=task.run,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The data folder: cached references and the exposure of each scene."""
+"""The data folder: cached references, the exposure of each scene, and by default the queue's database and the artefacts."""
 
 from __future__ import annotations
 
@@ -20,6 +20,16 @@ class Store:
     def references(self) -> Path:
         """Folder of cached references."""
         return self.home / "references"
+
+    @property
+    def database(self) -> str:
+        """URL of the queue's database: LUXMETER_DATABASE, or a file in this folder."""
+        return os.environ.get("LUXMETER_DATABASE") or f"sqlite:///{self.home.resolve() / 'queue.sqlite'}"
+
+    @property
+    def artifacts(self) -> str:
+        """URL of the artefact store: LUXMETER_STORE, or a folder in this one."""
+        return os.environ.get("LUXMETER_STORE") or str(self.home.resolve() / "artifacts")
 
     def exposure(self, scene_hash: str) -> float | None:
         """The scene's exposure, None before its first full reference."""

@@ -23,7 +23,8 @@ class RenderTask(BaseModel):
     """Render consecutive frames of one scene with one method, settings and seed.
 
     settings_file, where given, holds the settings that a PilotTask chose. A frame is rendered `repeats` times, each
-    time from a scene that nothing has been cached for; timings are medians.
+    time from a scene that nothing has been cached for; timings are medians, and belong to `run`. With a `store`, the URL of an
+    artefact store, a render that it holds is taken from there.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -38,6 +39,8 @@ class RenderTask(BaseModel):
     size: tuple[int, int]
     repeats: int = 1
     outputs: tuple[FrameOutput, ...]
+    run: str = ""
+    store: str | None = None
     folder: Path = Path()
 
 
@@ -55,7 +58,10 @@ class PilotTask(BaseModel):
 
 
 class ReferenceTask(BaseModel):
-    """Path-trace one image to a wanted noise, or until `max_seconds`."""
+    """Path-trace one image to a wanted noise, or until `max_seconds`.
+
+    cache: folder of references on this machine; store: URL of the artefact store that shares them between machines.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     kind: Literal["reference"] = "reference"
@@ -71,6 +77,7 @@ class ReferenceTask(BaseModel):
     image: str
     folder: Path = Path()
     cache: Path | None = None
+    store: str | None = None
 
 
 Task = Annotated[RenderTask | PilotTask | ReferenceTask, Field(discriminator="kind")]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
+import databases
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -32,3 +34,32 @@ def scene_folder() -> Path:
     if not os.environ.get("LUXMETER_SCENES") or not folder.is_dir():
         pytest.skip("scene folder not present: LUXMETER_SCENES names none")
     return folder
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[str]:
+    """A PostgreSQL server of this test session."""
+    server = databases.postgres()
+    try:
+        url = server.__enter__()
+    except databases.NoPostgres as reason:
+        pytest.skip(str(reason))
+    databases.create_tables(f"{url}/postgres")
+    try:
+        yield url
+    finally:
+        server.__exit__(None, None, None)
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of an empty database, of each kind the queue runs on."""
+    if request.param == "sqlite":
+        return databases.new_file(request.getfixturevalue("sqlite_template"), tmp_path / "queue.sqlite")
+    return databases.new_database(request.getfixturevalue("postgres_server"))
+
+
+@pytest.fixture(scope="session")
+def sqlite_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An SQLite file whose tables exist: creating them takes longer than most tests."""
+    return databases.template(tmp_path_factory.mktemp("template") / "queue.sqlite")

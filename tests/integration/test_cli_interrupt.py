@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -13,6 +16,7 @@ import pytest
 
 from jobs.process import child_environment
 
+HANGING = "render:cornell-box.flat-mode-hang.s0"
 pytestmark = [pytest.mark.usefixtures("toy_methods"), pytest.mark.gl, pytest.mark.mitsuba]
 
 
@@ -31,7 +35,7 @@ def test_an_evaluation_that_is_interrupted(number: signal.Signals, tmp_path: Pat
     ]
     options = ["--sweep", "flat.mode=good,hang", "--size", "8x6", "--noise", "0.3", "--out", str(out), "--json"]
     job = subprocess.Popen([*command, *options], env=child_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    _wait_for_the_hanging_render(tmp_path)
+    _wait_for_the_hanging_render()
     job.send_signal(number)
     stdout, _ = job.communicate(timeout=60)
     assert job.returncode == 1
@@ -40,12 +44,15 @@ def test_an_evaluation_that_is_interrupted(number: signal.Signals, tmp_path: Pat
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-def _wait_for_the_hanging_render(folder: Path) -> None:
-    """Until the folder in work says that the first cell is done and the second one runs."""
+def _wait_for_the_hanging_render() -> None:
+    """Until the run's database says that the first cell is done and the second one is being rendered."""
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline:
-        for path in folder.glob(".out.*.partial/evaluation.json"):
-            if [cell["state"] for cell in json.loads(path.read_text())["cells"]][1] == "running":
-                return
+        for path in Path(os.environ["LUXMETER_HOME"]).glob("runs/*.sqlite"):
+            with contextlib.closing(sqlite3.connect(path)) as database, contextlib.suppress(sqlite3.OperationalError):
+                states = dict(database.execute("select node, state from luxmeter_nodes"))
+                first, second = (states.get(name) for name in ("compare:cornell-box.flat-mode-good.s0", HANGING))
+                if (first, second) == ("done", "running"):
+                    return
         time.sleep(0.1)
     raise AssertionError("the second render did not start")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 import jobs
 from jobs.errors import TaskError
+from jobs.evaluate import Event
 from jobs.process import Limits, run_task
 from jobs.store import Store
 from jobs.tasks import PilotTask, ReferenceTask, RenderTask
@@ -97,22 +99,19 @@ def test_a_failed_reference_fails_the_cells_that_need_it(tmp_path: Path) -> None
 
 
 def test_an_interrupt_cancels_what_is_left_and_reports_the_rest(tmp_path: Path) -> None:
-    class Interrupted:
-        def run(self, nodes: Any, work: Any, stop: Callable[[], None]) -> dict[str, str]:
-            for node in nodes:
-                if node.key.endswith("s1"):
-                    stop()
-                    raise KeyboardInterrupt
-                work(node, {})
-            return {}
+    """Ctrl-C comes when the first render has ended; the interrupted main thread waits for the report."""
 
-    request = jobs.EvaluationRequest.model_validate(
-        {"scenes": ["cornell-box"], "methods": [{"name": "flat"}], "size": SIZE, "seeds": 2}
-    )
-    options = jobs.Options(store=Store(tmp_path / "home"), runner=stand_in, engine=Interrupted())
-    done = jobs.evaluate(jobs.plan(request), tmp_path / "out", options)
-    assert {cell.state for cell in done.cells} == {"cancelled"}
+    def interrupt(event: Event) -> None:
+        if event.node.kind == "render" and event.state == "done":
+            signal.raise_signal(signal.SIGINT)
+
+    wanted = {"name": "flat", "sweep": {"mode": ["good", "hang"]}}
+    request = jobs.EvaluationRequest.model_validate({"scenes": ["cornell-box"], "methods": [wanted], "size": SIZE})
+    options = jobs.Options(store=Store(tmp_path / "home"), runner=stand_in)
+    done = jobs.evaluate(jobs.plan(request), tmp_path / "out", options, interrupt)
+    assert [cell.state for cell in done.cells][1] == "cancelled"
     assert (tmp_path / "out" / "index.html").is_file()
+    assert list((tmp_path / "home" / "runs").glob("*.sqlite*")) == []
 
 
 def test_pilots_run_once_and_their_settings_reach_every_seed(tmp_path: Path) -> None:

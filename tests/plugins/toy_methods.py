@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
 from typing import Any, ClassVar, Literal
 
@@ -15,7 +16,7 @@ class FlatSettings(Settings):
     """How bright, and how to misbehave."""
 
     level: float = setting(0.5, "radiance of every pixel", unit="W·sr⁻¹·m⁻²", ge=0, le=10)
-    mode: Literal["good", "raise", "abort", "hang", "grow"] = setting("good", "what to do instead of rendering")
+    mode: Literal["good", "raise", "abort", "segfault", "hang", "grow", "nan"] = setting("good", "what to do instead of rendering")
 
 
 class Flat(Method):
@@ -35,6 +36,8 @@ class Flat(Method):
             raise ValueError("no such colour")
         if settings.mode == "abort":
             os.abort()
+        if settings.mode == "segfault":
+            os.kill(os.getpid(), signal.SIGSEGV)
         if settings.mode == "hang":
             time.sleep(60)
         hoard = [np.ones(2**23, np.uint8) for _ in range(64)] if settings.mode == "grow" else []
@@ -42,6 +45,8 @@ class Flat(Method):
             time.sleep(5)
         with context.watch("fill"):
             image = np.full((context.size[1], context.size[0], 3), settings.level * (1 + context.frame), np.float32)
+        if settings.mode == "nan":
+            image[0, 0] = np.nan
         return Frame({"beauty": image}, context.watch.timings, {"pixels": image.size // 3})
 
 

@@ -31,7 +31,9 @@ def task(folder: Path, frames: int = 1, repeats: int = 1, **settings: Any) -> Re
 
 def test_frames_results_and_progress(tmp_path: Path) -> None:
     seen: list[dict[str, Any]] = []
-    assert run_task(task(tmp_path, frames=2, repeats=3, level=0.25), Limits(), seen.append) == {"frames": 2}
+    answer = run_task(task(tmp_path, frames=2, repeats=3, level=0.25), Limits(), seen.append)
+    assert (answer["frames"], answer["cached"]) == (2, False)
+    assert answer["key"].startswith("render {")
     assert seen == [{"done": 1, "of": 2}, {"done": 2, "of": 2}]
     layers, attributes = read_exr(tmp_path / "1.exr")
     assert layers["beauty"].shape == (4, 6, 3)
