@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from reports.folder import Cell
 
-ORDER = ("done", "running", "queued", "cancelled", "failed")
-
 
 @dataclass(frozen=True)
 class Square:
@@ -47,4 +45,5 @@ def _square(counts: Counter[str]) -> Square:
         if counts[state]:
             break
     waits = state == "queued" and counts["done"] > 0
-    return Square(dict(counts), total, "running" if waits else state, f"{counts['done']} of {total}" if total > 1 else state)
+    text = state if total == 1 else f"{counts['failed']} of {total} failed" if state == "failed" else f"{counts['done']} of {total}"
+    return Square(dict(counts), total, "running" if waits else state, text)

@@ -40,6 +40,7 @@ environment = Environment(
     loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
 )
 environment.filters |= {"number": form.number, "percent": form.percent, "seconds": form.seconds, "limits": limits}
+environment.filters["setting"] = lambda value: "none" if value is None else str(value)
 environment.filters["url"] = lambda text: quote(text, safe="")
 
 
