@@ -29,7 +29,7 @@ from service.http.problems import KINDS, Problem
 from service.http.queue import ENDED
 from service.http.routes.evaluations import Id
 from service.http.routes.scenes import all_scenes
-from service.http.site import SiteOf
+from service.http.site import Site, SiteOf
 
 HERE = Path(__file__).parent
 STATIC = HERE / "static"
@@ -64,7 +64,7 @@ def overview(site: SiteOf, request: Request, cursor: Annotated[str | None, Query
 def submit(site: SiteOf, request: Request) -> HTMLResponse:
     """A form made of the methods' JSON schemas."""
     methods = [method_document(method) for method in registered().values()]
-    return render(request, "submit.html", methods=methods, scenes=all_scenes(site))
+    return render(request, "submit.html", methods=methods, **_scenes(site))
 
 
 @router.get("/evaluations/{id}", dependencies=[Read])
@@ -89,7 +89,7 @@ def cells(site: SiteOf, request: Request, id: Id) -> HTMLResponse:
 @router.get("/scenes", dependencies=[Read])
 def scenes(site: SiteOf, request: Request) -> HTMLResponse:
     """All scenes with previews; a form to upload one."""
-    return render(request, "scenes.html", scenes=all_scenes(site), limit=site.settings.max_scene_bytes)
+    return render(request, "scenes.html", limit=site.settings.max_scene_bytes, **_scenes(site))
 
 
 @router.get("/methods", dependencies=[Read])
@@ -175,6 +175,12 @@ def or_problem(request: Request, error: Exception) -> Response:
     page = render(request, "problem.html", answer.status_code, name=name, kind=KINDS[name], detail=document["detail"])
     page.headers.update({k: v for k, v in answer.headers.items() if k not in ("content-length", "content-type")})
     return page
+
+
+def _scenes(site: Site) -> dict[str, Any]:
+    """All scenes, and the names of those whose previews are there."""
+    found = all_scenes(site)
+    return {"scenes": found, "drawn": site.thumbnails.drawn(scene.name for scene in found)}
 
 
 def _wants_page(request: Request) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 from jobs.code import code_hash
@@ -38,6 +39,10 @@ class Thumbnails:
         finally:
             self._one.release()
         return path
+
+    def drawn(self, scenes: Iterable[str]) -> set[str]:
+        """Those of the scenes whose previews are there."""
+        return {scene for scene in scenes if self._file(scene).is_file()}
 
     def _file(self, scene: str) -> Path:
         key = hashlib.sha256(f"{scene}\0{code_hash()}".encode()).hexdigest()
