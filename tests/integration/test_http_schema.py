@@ -23,7 +23,9 @@ CONFIG = {
         # ask for a machine that is not ready.
         "positive_data_acceptance": {"expected-statuses": [200, 201, 202, 204, 206, 304, 404, 406, 409, 415, 422, 503]},
         # Unknown query parameters are ignored, as everywhere on the web.
-        "negative_data_rejection": {"expected-statuses": [200, 201, 202, 204, 400, 401, 403, 404, 405, 406, 409, 413, 415, 422, 503]},
+        "negative_data_rejection": {
+            "expected-statuses": [200, 201, 202, 204, 400, 401, 403, 404, 405, 406, 409, 413, 415, 422, 503]
+        },
     },
     "generation": {"mode": "all"},
 }
