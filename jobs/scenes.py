@@ -1,16 +1,20 @@
-"""Scenes as users name them: `cornell-box`, `cornell-box:light=area`, `path/to/file.glb`, or a folder under LUXMETER_SCENES."""
+"""Scenes as users name them: `cornell-box`, `cornell-box:light=area`, `path/to/file.glb`, a folder under LUXMETER_SCENES, or an upload."""
 
 from __future__ import annotations
 
 import inspect
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
+from jobs.store import Store
 from renderers import Scene, SceneError, builtin_scenes, load_scene
+
+UPLOAD = "upload-"
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,9 @@ def open_scene(text: str) -> NamedScene:
     base, colon, tail = text.partition(":")
     if colon and base in builtin_scenes():
         return NamedScene(text, text, load_scene(base, **_parameters(base, tail)))
+    uploaded = upload_file(text)
+    if uploaded is not None:
+        return NamedScene(text, text, load_scene(uploaded))
     path = Path(text)
     name = text
     if path.suffix:
@@ -46,6 +53,12 @@ def scene_folders() -> list[str]:
     """Names of the scenes under LUXMETER_SCENES, sorted."""
     folder = os.environ.get("LUXMETER_SCENES")
     return sorted(p.parent.name for p in Path(folder).glob("*/scene.glb")) if folder else []
+
+
+def upload_file(name: str, home: Path | None = None) -> Path | None:
+    """File of the scene that was uploaded under this name (`upload-` and 32 hexadecimal digits), None where there is none."""
+    path = Store(home).home / "scenes" / f"{name}.glb"
+    return path if re.fullmatch(f"{UPLOAD}[0-9a-f]{{32}}", name) and path.is_file() else None
 
 
 def _parameters(base: str, text: str) -> dict[str, Any]:

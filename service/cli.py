@@ -19,8 +19,12 @@ from service.commands._evaluate import evaluate
 from service.commands._methods import methods
 from service.commands._nightly import nightly
 from service.commands._reference import reference
+from service.commands._remote import cancel, fetch, retry, status, submit
 from service.commands._render import render
 from service.commands._scenes import scenes
+from service.commands._serve import serve, worker
+from service.commands._token import token
+from service.errors import ServiceError
 from service.output import print_json
 
 
@@ -40,8 +44,11 @@ def luxmeter(
     """Measure real-time global illumination and soft shadows against path-traced truth."""
 
 
-for command in (doctor, scenes, methods, render, reference, evaluate, nightly, compare, accept):
+for command in (
+    doctor, scenes, methods, render, reference, evaluate, nightly, compare, accept, serve, worker, submit, status, cancel, retry, fetch,
+):  # fmt: skip
     app.command()(command)
+app.add_typer(token)
 
 
 def run(arguments: list[str]) -> int:
@@ -52,6 +59,8 @@ def run(arguments: list[str]) -> int:
         return _refuse(error.format_message(), arguments, 2)
     except (RequestError, SceneError, UnknownMethod, UnsupportedScene) as error:
         return _refuse(str(error), arguments, 2)
+    except ServiceError as error:
+        return _refuse(str(error), arguments, 1)
     except TaskError as error:
         sys.stderr.write(error.log)
         return _refuse(str(error), arguments, 1)

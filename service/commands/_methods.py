@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -10,6 +10,7 @@ from jobs.settings import dump, limits, schema
 from renderers import Method, get_method
 from renderers import methods as registered
 from renderers.scene.model import NEEDS
+from service.describe import default_transport, method_document
 from service.options import Json
 from service.output import print_json, print_table
 
@@ -19,19 +20,19 @@ def methods(name: Annotated[str | None, typer.Argument(metavar="[NAME]")] = None
     if name is None:
         found = list(registered().values())
         if json:
-            print_json([_document(method) for method in found])
+            print_json([method_document(method) for method in found])
         else:
-            print_table(("method", "", "transport", "source"), [(m.name, m.title, _transport(m), m.source) for m in found])
+            print_table(("method", "", "transport", "source"), [(m.name, m.title, default_transport(m), m.source) for m in found])
         return
     method = get_method(name)
     if json:
-        print_json(_document(method))
+        print_json(method_document(method))
     else:
         _show(method)
 
 
 def _show(method: Method) -> None:
-    print(f"{method.name}: {method.title}\n{method.source}\ntransport (default settings): {_transport(method)}\n")
+    print(f"{method.name}: {method.title}\n{method.source}\ntransport (default settings): {default_transport(method)}\n")
     defaults = dump(method.Settings())
     rows = []
     for key, field in schema(method)["properties"].items():
@@ -49,15 +50,3 @@ def _show(method: Method) -> None:
     print_table(("setting", "default", "range", "unit", "", "source"), rows)
     print()
     print_table(("need", "support", ""), [(n, method.claim(n).support, method.claim(n).how) for n in NEEDS])
-
-
-def _transport(method: Method) -> str:
-    return method.transport(method.Settings())
-
-
-def _document(method: Method) -> dict[str, Any]:
-    claims = {need: {"support": method.claim(need).support, "how": method.claim(need).how} for need in NEEDS}
-    return {
-        "name": method.name, "title": method.title, "source": method.source, "transport": _transport(method),
-        "settings": schema(method), "claims": claims,
-    }  # fmt: skip

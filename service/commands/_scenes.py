@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from jobs.scenes import parameters, scene_folders
-from renderers import builtin_scenes
+from service.describe import scene_documents
 from service.options import Json
 from service.output import print_json, print_table
 
 
 def scenes(json: Json = False) -> None:
     """List the built-in scenes, their parameters, and the scenes under LUXMETER_SCENES."""
-    found = [
-        {"name": name, "kind": "built-in", "description": text, "parameters": {k: str(v) for k, v in parameters(name).items()}}
-        for name, text in builtin_scenes().items()
-    ]
-    found += [{"name": name, "kind": "folder", "description": "", "parameters": {}} for name in scene_folders()]
+    found = scene_documents()
     if json:
         print_json(found)
     else:

@@ -1,0 +1,5 @@
+"""`python -m service` is `luxmeter`."""
+
+from service.cli import main
+
+main()

@@ -1,0 +1,93 @@
+"""`luxmeter serve` and `luxmeter worker`: the service, and more hands for it."""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from typing import Annotated
+
+import typer
+
+from jobs.errors import RequestError
+from jobs.process import child_environment
+from jobs.store import Store
+from service.tokens import TokenStore
+
+STOP_S = 20
+GRACE_S = 3
+HEADERS_KIB = 32
+
+
+def serve(
+    host: Annotated[str, typer.Option(help="Address to listen at; any but a loopback one needs a token.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 8000,
+    worker: Annotated[bool, typer.Option(help="Also run a worker, as a process of its own.")] = True,
+    name: Annotated[
+        list[str] | None, typer.Option(help="A name the service is reached by; others are refused. Repeat for more.")
+    ] = None,
+) -> None:
+    """Serve HTTP and pages until interrupted. Logs go to stderr, one JSON object a line."""
+    loopback = is_loopback(host)
+    if not loopback and not TokenStore().all():
+        raise RequestError(f"{host} is reachable from elsewhere: make a token first (luxmeter token add NAME)")
+    Store().check_writable()
+    import uvicorn
+    from jobs.queue import JobQueue
+
+    from service.http import logs
+    from service.http.app import create_app
+    from service.http.settings import ServerSettings
+
+    logs.configure()
+    hosts = tuple(name) if name else ("localhost", "127.0.0.1", "::1", host) if loopback else None
+    app = create_app(JobQueue(), ServerSettings(require_token=not loopback, hosts=hosts))
+    config = uvicorn.Config(
+        app, host=host, port=port, log_config=None, access_log=False, server_header=False, timeout_graceful_shutdown=GRACE_S,
+        limit_concurrency=500, h11_max_incomplete_event_size=HEADERS_KIB * 1024, http="h11", lifespan="off",
+    )  # fmt: skip
+    with own_worker() if worker else contextlib.nullcontext():
+        uvicorn.Server(config).run()
+
+
+def worker() -> None:
+    """Carry out what is queued until interrupted; what is running then is taken up by another worker, or at the next start."""
+    from jobs.queue import Worker
+
+    from service.http import logs
+
+    logs.configure()
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    Worker().run(stop)
+
+
+@contextlib.contextmanager
+def own_worker() -> Iterator[None]:
+    """A worker beside the service, as a process of its own so that rendering never holds up an answer."""
+    environment = child_environment() | {"LUXMETER_HOME": str(Store().home)}
+    child = subprocess.Popen([sys.executable, "-P", "-m", "service", "worker"], env=environment, stdin=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        child.terminate()
+        try:
+            child.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can reach that address. A name that isn't `localhost` may be anyone's."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

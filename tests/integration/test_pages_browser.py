@@ -1,0 +1,199 @@
+"""The service's pages in headless Chromium: submit, watch, read the report."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from http_service import HEALTHY, FakeQueue, serving
+from report_evaluation import make
+from test_http_uploads import GOOD
+
+import reports
+from service.http.app import create_app
+from service.http.settings import ServerSettings
+from service.tokens import TokenStore
+
+pytestmark = [pytest.mark.browser, pytest.mark.usefixtures("toy_methods")]
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+PATHS = ("/", "/submit", "/scenes", "/methods", "/methods/flat", "/compare", "/problems", "/login")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as p:
+        found = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = make(tmp_path_factory.mktemp("evaluation"), methods=2, seeds=2, noise=0.01)
+    reports.write(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One for all tests, so that a preview is drawn once."""
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture
+def queue() -> FakeQueue:
+    return FakeQueue()
+
+
+@pytest.fixture
+def address(queue: FakeQueue, home: Path, monkeypatch: pytest.MonkeyPatch, toy_methods: None) -> Iterator[str]:
+    monkeypatch.setenv("LUXMETER_HOME", str(home))
+    settings = ServerSettings(home=home, requests_per_s=0, submissions_per_s=0, poll_s=0.05)
+    with serving(create_app(queue, settings, machine=lambda: HEALTHY)) as found:
+        yield found
+
+
+@pytest.fixture
+def page(browser: Any, address: str) -> Iterator[Any]:
+    """A page on which nothing may go wrong: no script error, nothing that the security policy blocks, nothing from elsewhere."""
+    opened = browser.new_page(base_url=address, viewport={"width": 1280, "height": 900})
+    wrong: list[str] = []
+    opened.on(
+        "console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") and "willReadFrequently" not in m.text else None
+    )
+    opened.on("pageerror", lambda e: wrong.append(str(e)))
+    opened.on("request", lambda r: None if r.url.startswith((address, "data:")) else wrong.append(r.url))
+    yield opened
+    opened.close()
+    assert wrong == []
+
+
+def test_submit_watch_and_read_the_report(page: Any, queue: FakeQueue, report: Path) -> None:
+    page.goto("/")
+    assert "Nothing has been evaluated yet" in page.inner_text("main")
+    page.click("text=New evaluation")
+    page.check("[name=method][value=flat]")
+    page.fill("[id='flat.level']", "0.25, 0.5")
+    page.fill("#seeds", "2")
+    page.fill("#width", "8")
+    page.fill("#height", "6")
+    assert page.inner_text("#count") == "4 renders"
+    page.click("button.primary")
+    page.wait_for_url("**/evaluations/*")
+    (id,) = queue.found
+    status = queue.found[id]
+    assert [(c.label, c.seed, c.width) for c in status.cells] == [(f"flat level={v}", s, 8) for v in (0.25, 0.5) for s in (0, 1)]
+    squares = ".matrix .cell"
+    assert page.locator(squares).all_inner_texts() == ["0 of 2", "0 of 2"]
+    queue.set(id, "done", only=0)
+    page.wait_for_function("() => document.querySelector('.matrix .cell').textContent === '1 of 2'")
+    queue.folders[id] = report
+    queue.set(id, "done")
+    page.wait_for_selector("text=Report")
+    assert page.locator(squares).all_inner_texts() == ["2 of 2", "2 of 2"]
+    page.click(".actions >> text=Report")
+    page.wait_for_url("**/report/")
+    assert "Speed against error" in page.inner_text("h1")
+    page.locator(".viewer").first.scroll_into_view_if_needed()
+    page.wait_for_function("() => document.querySelector('.viewer .key').textContent.includes('left A')")
+    page.goto(f"/v1/evaluations/{id}/report")
+    page.wait_for_function("() => getComputedStyle(document.querySelector('.brand')).fontWeight === '600'")
+    assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 0)")
+
+
+def test_a_request_can_be_changed_and_submitted_again(page: Any, queue: FakeQueue) -> None:
+    page.goto("/submit")
+    page.check("[name=method][value=flat]")
+    page.fill("[id='flat.level']", "0.25, 0.5")
+    page.fill("#more", "cornell-box:light=area")
+    page.click("button.primary")
+    page.wait_for_url("**/evaluations/*")
+    page.click("text=Change and submit")
+    page.wait_for_url("**/submit#*")
+    assert page.input_value("[id='flat.level']") == "0.25, 0.5"
+    assert page.input_value("#more") == "cornell-box:light=area"
+    assert page.is_checked("[name=scene][value=cornell-box]")
+    page.fill("#seeds", "3")
+    page.click("button.primary")
+    page.wait_for_url("**/evaluations/*")
+    assert len(queue.found) == 2
+
+
+def test_cancel_and_retry_buttons(page: Any, queue: FakeQueue) -> None:
+    page.goto("/submit")
+    page.check("[name=method][value=flat]")
+    page.click("button.primary")
+    page.wait_for_url("**/evaluations/*")
+    (id,) = queue.found
+    page.click("[data-do=cancel]")
+    page.wait_for_selector("[data-do=retry]")
+    assert queue.found[id].state == "cancelled"
+    page.click("[data-do=retry]")
+    page.wait_for_selector("[data-do=cancel]")
+    assert queue.found[id].state == "queued"
+
+
+def test_a_wrong_setting_is_told_in_the_form(browser: Any, address: str) -> None:
+    page = browser.new_page(base_url=address)
+    page.goto("/submit")
+    page.check("[name=method][value=flat]")
+    page.fill("[id='flat.level']", "11")
+    page.click("button.primary")
+    page.wait_for_selector("#problem:not([hidden])")
+    assert "flat.level" in page.inner_text("#problem")
+    page.close()
+
+
+def test_a_scene_can_be_uploaded(page: Any) -> None:
+    page.goto("/scenes")
+    page.set_input_files("#file", {"name": "floor.glb", "mimeType": "model/gltf-binary", "buffer": GOOD})
+    page.click("text=Upload")
+    page.wait_for_selector(".card:target")
+    assert "floor" in page.inner_text(".card:target h2")
+
+
+def test_pages_work_by_keyboard(page: Any, queue: FakeQueue) -> None:
+    page.goto("/submit")
+    page.focus("[name=method][value=flat]")
+    page.keyboard.press("Space")
+    page.focus("#seeds")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("2")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/evaluations/*")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
+    assert len(queue.found) == 1
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_no_page_is_wider_than_the_screen(page: Any, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    for path in PATHS:
+        page.goto(path, wait_until="domcontentloaded")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, path
+        assert page.evaluate(
+            "[...document.querySelectorAll('input:not([type=hidden]), select')].every(e => e.labels.length > 0)"
+        ), path
+
+
+def test_login_in_the_browser(browser: Any, tmp_path: Path) -> None:
+    _, secret = TokenStore(tmp_path / "tokens.json").add("someone", "submit")
+    settings = ServerSettings(home=tmp_path, require_token=True, requests_per_s=0, submissions_per_s=0)
+    with serving(create_app(FakeQueue(), settings, machine=lambda: HEALTHY)) as address:
+        page = browser.new_page(base_url=address)
+        page.goto("/methods")
+        page.fill("#token", secret)
+        page.keyboard.press("Enter")
+        page.wait_for_url("**/methods")
+        assert "flat" in page.inner_text("table")
+        page.click("text=Log out")
+        page.wait_for_url("**/login")
+        page.close()
