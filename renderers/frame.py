@@ -30,8 +30,9 @@ class Timing:
 class Frame:
     """Result of one render call.
 
-    layers: float32 (H, W, 3) each, linear radiance, row 0 on top, no tone map; `beauty` is always there, and equals `direct` + `indirect`
-    where those are. Raises ValueError when a layer has a wrong shape or dtype, FloatingPointError when one holds a NaN or an infinity.
+    layers: float32 (H, W, 3) each, linear radiance, row 0 on top, no tone map; `beauty` is always there, and equals `direct` +
+    `indirect` where those are. Raises ValueError when a layer has a wrong shape or dtype, FloatingPointError when one holds a NaN
+    or an infinity.
     """
 
     layers: Mapping[str, NDArray[np.float32]]

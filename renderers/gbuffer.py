@@ -1,4 +1,7 @@
-"""What the camera sees, one sample a pixel. Filled by GL (`renderers.gl.gbuffer`) or by ray casting (`renderers.transport.primary`); same arrays."""
+"""What the camera sees, one sample a pixel.
+
+Filled by GL (`renderers.gl.gbuffer`) or by ray casting (`renderers.transport.primary`), with the same arrays.
+"""
 
 from __future__ import annotations
 

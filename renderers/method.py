@@ -104,7 +104,8 @@ class Method(ABC):
     ) -> Frame:
         """Render one frame: a pure function of its arguments, same bytes in any process and at any thread count.
 
-        size is (width, height) in pixels. Raises UnsupportedScene, ValueError (size, settings of another method), FloatingPointError.
+        size is (width, height) in pixels. Raises UnsupportedScene, ValueError (size, settings of another method) or
+        FloatingPointError.
         """
         settings = self.Settings() if settings is None else settings
         if not isinstance(settings, self.Settings):
@@ -138,7 +139,7 @@ def register(method: type[Method]) -> type[Method]:
 
 
 def methods() -> dict[str, Method]:
-    """All registered methods by name, sorted: those of `renderers.methods`, and of the modules that LUXMETER_PLUGINS names (a, b)."""
+    """All registered methods by name, sorted: those of `renderers.methods` and of the modules that LUXMETER_PLUGINS lists."""
     import renderers.methods as package
 
     for module in pkgutil.iter_modules(package.__path__):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.images import luminance
+from renderers.scene.environment import radiance
 from renderers.scene.model import Environment
 from renderers.scene.world import F64, World, rotation_matrix
 
@@ -80,30 +81,9 @@ def _environment_samples(environment: Environment, count: int) -> list[LightSamp
         local, weight = _sphere(u), np.full(count, 4 * np.pi / count)
     else:
         local, weight = _texel_directions(environment.image, u)
-    irradiance = environment_radiance(environment, local) * weight[:, None]
     towards = local @ rotation_matrix(environment.rotation).T
+    irradiance = radiance(environment, towards) * weight[:, None]
     return [LightSample("directional", np.zeros(3), -d, e) for d, e in zip(towards, irradiance, strict=True) if e.any()]
-
-
-def environment_radiance(environment: Environment, local: F64) -> F64:
-    """Radiance (N, 3) from unit directions (N, 3) in the environment's own frame, +Y up.
-
-    Column centres lie at azimuth atan2(x, -z) / 2π = (i + 0.5) / W and wrap; rows at polar angle acos(y) / π = j / (H - 1),
-    row 0 at +Y: Mitsuba's `envmap` look-up, bilinear.
-    """
-    radiance = np.asarray(environment.radiance, np.float64)
-    if environment.image is None:
-        return np.broadcast_to(radiance, local.shape)
-    image = environment.image
-    height, width = image.shape[:2]
-    x = np.arctan2(local[:, 0], -local[:, 2]) / (2 * np.pi) * width - 0.5
-    y = np.arccos(np.clip(local[:, 1], -1, 1)) / np.pi * (height - 1)
-    i, j = np.floor(x).astype(int), np.clip(np.floor(y).astype(int), 0, max(height - 2, 0))
-    fx, fy = (x - i)[:, None], (y - j)[:, None]
-    below = np.minimum(j + 1, height - 1)
-    low = image[j, i % width] * (1 - fx) + image[j, (i + 1) % width] * fx
-    high = image[below, i % width] * (1 - fx) + image[below, (i + 1) % width] * fx
-    return np.asarray((low * (1 - fy) + high * fy) * radiance)
 
 
 def _texel_directions(image: NDArray[np.float32], u: F64) -> tuple[F64, F64]:

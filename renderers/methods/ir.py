@@ -88,7 +88,7 @@ class InstantRadiosity(Method):
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
         with watch("warm-up", "prepare"):
             warm_up(world, settings)
-        with watch("vpls", "prepare"):
+        with watch("vpls"):
             from renderers.transport.vpl import emit_vpls
 
             vpls = emit_vpls(world, settings.vpls, context.seed, settings.sampler, settings.light_samples, counters)
@@ -97,7 +97,7 @@ class InstantRadiosity(Method):
         k, on_gl = settings.subpixels, settings.backend == "gl"
         for index in range(k * k):
             offset = ((index % k + 0.5) / k, (index // k + 0.5) / k)
-            with timed(watch, "gbuffer", "prepare", on_gl):
+            with timed(watch, "gbuffer", "render", on_gl):
                 gbuffer = make_gbuffer(world, context.size, offset, settings.backend)
             with timed(watch, "direct", "render", settings.direct_visibility == "shadow-map"):
                 direct += direct_layer(world, gbuffer, settings, context.seed + (index << 32), counters)

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.gbuffer import GBuffer
+from renderers.scene.environment import radiance
 from renderers.scene.world import LAMBERT, World
 from renderers.transport.brdf import Materials, evaluate, materials_at
-from renderers.transport.environment import radiance
 from renderers.transport.incident import Incident, Lights
 from renderers.transport.raycast import FAR, OFFSET, RayCaster, caster_of, off_surface
 from renderers.transport.sampling import generator

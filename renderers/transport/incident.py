@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from renderers.images import LUMA
+from renderers.scene.environment import radiance
 from renderers.scene.world import World, WorldLight
-from renderers.transport.environment import EnvironmentSampler, radiance
+from renderers.transport.environment import EnvironmentSampler
 from renderers.transport.sampling import cosine_hemisphere, fold, pick
 
 F64 = NDArray[np.float64]

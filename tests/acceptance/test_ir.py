@@ -244,7 +244,7 @@ def test_layers_and_counters() -> None:
     assert frame.counters["vpls_drawn"] == 64
     assert frame.counters["light_evaluations"] == frame.counters["pixels_covered"] * frame.counters["vpls_lit"]
     assert {t.name: t.stage for t in frame.timings} == {
-        "warm-up": "prepare", "vpls": "prepare", "gbuffer": "prepare", "direct": "render", "gather": "render",
+        "warm-up": "prepare", "vpls": "render", "gbuffer": "render", "direct": "render", "gather": "render",
     }  # fmt: skip
 
 

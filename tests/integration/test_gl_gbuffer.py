@@ -102,14 +102,6 @@ def test_emission_leaves_the_front_only():
     assert seen(True, True).tolist() == [1, 2, 3]
 
 
-def test_scene_without_triangles_is_all_background():
-    b = SceneBuilder("empty")
-    b.camera((0, 0, 3), (0, 0, 0), 0.4)
-    g = render_gbuffer(b.build().world(), (8, 6))
-    assert not g.covered.any()
-    assert not g.position.any()
-
-
 CHILD = """
 import hashlib
 from renderers.gl.direct import direct

@@ -10,10 +10,9 @@ from renderers.scene.world import World, rotation_matrix
 
 def mitsuba() -> Any:
     """Mitsuba with its LLVM variant set."""
-    import mitsuba as mi
+    from renderers.reference.variant import mitsuba
 
-    mi.set_variant("llvm_ad_rgb")
-    return mi
+    return mitsuba()
 
 
 def rgb(values: Any) -> dict[str, Any]:

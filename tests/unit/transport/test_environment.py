@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from renderers.images import luminance
+from renderers.scene.environment import radiance
 from renderers.scene.model import Environment
-from renderers.transport.environment import EnvironmentSampler, radiance
+from renderers.transport.environment import EnvironmentSampler
 from renderers.transport.sampling import generator, lattice, uniform_sphere
 
 TURN = (0.1, 0.5, -0.2, 0.8)
