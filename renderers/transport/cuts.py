@@ -229,8 +229,8 @@ class RidgeLevels(Family):
         closed = (np.exp(safe) * (safe * safe - 2 * safe + 2) - 2) / safe**3
         series = np.sum([x**n / (factorial(n) * (n + 3)) for n in range(12)], axis=0)
         rise = m / rate * np.where(x > 0.1, closed, series)
-        near = 4 / (m + 1) ** 2 * (2 * np.exp(x) * (np.expm1(rate) - rate - rate**2 / 2) / rate**4 + rise)
-        return np.where(m >= 1, far, near)
+        near: F64 = 4 / (m + 1) ** 2 * (2 * np.exp(x) * (np.expm1(rate) - rate - rate**2 / 2) / rate**4 + rise)
+        return np.asarray(np.where(m >= 1, far, near))
 
     def middle(self, areas: ArrayLike) -> F64:
         """ν_mid(a) = λ_D ln(1 + a/a_⋆) (4.46)."""
@@ -282,7 +282,7 @@ def _shape(areas: F64, marks: ArrayLike) -> F64:
 
 def _hat(shape: F64, a: F64) -> F64:
     low, rise, high, fall = shape
-    return np.clip(np.minimum((a - low) * rise, (high - a) * fall), 0.0, 1.0)
+    return np.asarray(np.clip(np.minimum((a - low) * rise, (high - a) * fall), 0.0, 1.0))
 
 
 def _two(first: F64, second: F64 | None, share: F64, rest: F64) -> F64:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from renderers.gbuffer import GBuffer
 from renderers.scene.world import LAMBERT, World
 from renderers.transport.brdf import Materials
-from renderers.transport.cuts import HAT, PARAMETERS, Family
+from renderers.transport.cuts import PARAMETERS, Family
 from renderers.transport.gather import Pixels, pixels_of
 from renderers.transport.raycast import OFFSET, RayCaster
 from renderers.transport.splat_kernels import add_pairs, lit_pairs, splat_lambert
@@ -72,7 +72,11 @@ def splat(
 @cache
 def warm_up(kernel: int, pairwise: bool) -> None:
     """Compile (or load from numba's cache) the kernels that `splat` will use; once a process."""
-    receivers, balls, lights = np.zeros((1, 6, AREA), np.float32), np.zeros((1, 8), np.float32), np.zeros((9 + PARAMETERS, 0), np.float32)
+    receivers, balls, lights = (
+        np.zeros((1, 6, AREA), np.float32),
+        np.zeros((1, 8), np.float32),
+        np.zeros((9 + PARAMETERS, 0), np.float32),
+    )
     pixel, none = np.zeros((1, AREA), np.int32), np.float32(0)
     if not pairwise:
         out, work = np.zeros((1, 3, AREA)), np.zeros((1, 2), np.int64)
