@@ -242,7 +242,7 @@ def splat_draw(
 def interleaved(
     world: World, gbuffer: GBuffer, drawn: Draw, family: Family, settings: Any, counters: Counter[str]
 ) -> NDArray[np.float32]:
-    """Each light in its sub-image alone, s² times as strong; then the filter, before the multiplication by a Lambertian's albedo."""
+    """Each light in its sub-image alone, s² times as strong; then the filter, before the product with a Lambertian's albedo."""
     from dataclasses import replace
 
     from renderers.transport.interleave import joined, sub_images

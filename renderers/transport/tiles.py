@@ -54,9 +54,11 @@ def tiles_of(rows: NDArray[np.intp], width: int, position: F32, normal: F32) -> 
     owner = keys // BLOCK**2
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     tile_balls = balls(receivers[:, :3], normals)
-    groups = [slice(a, b) for a, b in zip(first, [*first[1:], len(keys)], strict=True)]
-    block_balls = np.concatenate([_merged(tile_balls[g]) for g in groups]) if groups else np.zeros((0, 8), np.float32)
-    return Tiles(pixel, receivers, np.array([*first, len(keys)], np.int32), tile_balls, block_balls)
+    first = np.append(first, len(keys)).astype(np.int32)
+    block_balls = np.zeros((len(first) - 1, 8), np.float32)
+    for b in range(len(block_balls)):
+        block_balls[b] = _merged(tile_balls[first[b] : first[b + 1]])
+    return Tiles(pixel, receivers, first, tile_balls, block_balls)
 
 
 def balls(position: F32, normal: F32) -> F32:
@@ -73,12 +75,12 @@ def balls(position: F32, normal: F32) -> F32:
 
 
 def _merged(parts: F32) -> F32:
-    """One ball around several, (1, 8)."""
-    out = np.empty((1, 8), np.float32)
+    """One ball around several, (8,)."""
+    out = np.empty(8, np.float32)
     for at in (0, 4):
         low = (parts[:, at : at + 3] - parts[:, at + 3 : at + 4]).min(axis=0)
         high = (parts[:, at : at + 3] + parts[:, at + 3 : at + 4]).max(axis=0)
         centre = (low + high) / 2
-        out[0, at : at + 3] = centre
-        out[0, at + 3] = (np.linalg.norm(parts[:, at : at + 3] - centre, axis=1) + parts[:, at + 3]).max() + ROUNDING
+        out[at : at + 3] = centre
+        out[at + 3] = (np.linalg.norm(parts[:, at : at + 3] - centre, axis=1) + parts[:, at + 3]).max() + ROUNDING
     return out
