@@ -54,11 +54,11 @@ def tiles_of(rows: NDArray[np.intp], width: int, position: F32, normal: F32) -> 
     owner = keys // BLOCK**2
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     tile_balls = balls(receivers[:, :3], normals)
-    first = np.append(first, len(keys)).astype(np.int32)
+    first = np.append(first, len(keys))
     block_balls = np.zeros((len(first) - 1, 8), np.float32)
     for b in range(len(block_balls)):
         block_balls[b] = _merged(tile_balls[first[b] : first[b + 1]])
-    return Tiles(pixel, receivers, first, tile_balls, block_balls)
+    return Tiles(pixel, receivers, first.astype(np.int32), tile_balls, block_balls)
 
 
 def balls(position: F32, normal: F32) -> F32:
