@@ -65,7 +65,7 @@ def gather_lambert(position, normal, lights, eps_b, out):  # type: ignore[no-unt
 
 
 @numba.njit(inline="always")
-def _shade(kind, base, specular, exponent, metallic, alpha, n, v, light, weight, out):  # type: ignore[no-untyped-def]
+def shade(kind, base, specular, exponent, metallic, alpha, n, v, light, weight, out):  # type: ignore[no-untyped-def]
     """out (3,) += f(light, v) · weight (3,); n, v, light: unit tuples of float64."""
     nl = n[0] * light[0] + n[1] * light[1] + n[2] * light[2]
     nv = n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
@@ -113,7 +113,7 @@ def gather_general(position, normal, view, kind, base, specular, exponent, metal
                 r = np.sqrt(dx * dx + dy * dy + dz * dz)
                 for c in range(3):
                     weight[c] = g * lights[6 + c, j]
-                _shade(
+                shade(
                     kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i],
                     n, v, (dx / r, dy / r, dz / r), weight, out[i],
                 )  # fmt: skip
@@ -170,7 +170,7 @@ def add_visible(position, normal, view, kind, base, specular, exponent, metallic
         r = np.sqrt(dx * dx + dy * dy + dz * dz)
         n = (float(normal[i, 0]), float(normal[i, 1]), float(normal[i, 2]))
         v = (view[i, 0], view[i, 1], view[i, 2])
-        _shade(
+        shade(
             kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i],
             n, v, (dx / r, dy / r, dz / r), weight, out[i],
         )  # fmt: skip

@@ -1,0 +1,303 @@
+"""Forward light cuts (Laurent 2018): one diffuse bounce, where each virtual light draws at birth how far it acts.
+
+    α_y(x) = r³ / ⟨n_y, x-y⟩        κ ~ μ        T(x) = Σ_n s_κ(α_n(x)) / μ_κ · f_r G_b(x, y_n) · I_n        E[s_κ/μ_κ] = 1
+
+Equations 4.13, 4.16, 4.18 and 4.26, algorithms 1 to 5; α in squared reaches (ε_Ω = 1). Numerous levels act near only, rare ones far
+and strongly; nothing is built, no light knows another. In the mean the image is that of `ir` with the same clamp, which is the only
+bias besides ignoring V; at equal N it is noisier and cheaper. K = 1 is `ir`, to the byte. Passes: vpls (points, light, levels),
+gbuffer, direct, splat (with the filter where interleaved).
+
+| setting           | default          | unit | range                    | meaning                                              |
+| ----------------- | ---------------- | ---- | ------------------------ | ---------------------------------------------------- |
+| quality           | 0.5              | 1    | 0 … 1                    | N = 1024 · 64^quality                                |
+| reach             | 0.5              | 1    | > 0                      | R_1 over the radius: how far the finest level acts   |
+| vpls              | from quality     | 1    | 1 … 2²⁴                  | N                                                    |
+| family            | c0               |      | c0, c-1, linear, ridge   | support functions (4.18), (4.17), (4.45), (4.47)     |
+| levels            | from reach       | 1    | 1 … 32                   | K: R_K ≥ the radius, and 32 VPLs or more at the last |
+| q_a               | 2                | 1    | > 1                      | ratio of areas of neighbouring levels                |
+| q_n               | q_a              | 1    | > 1                      | ratio of their numbers                               |
+| epsilon_omega     | from reach       | sr   | > 0                      | reach unset: R_1² = area / (N μ_1 ε_Ω)               |
+| eps_b             | (1 % of radius)² | m²   | ≥ 0                      | clamp on the squared distance, the same as `ir`'s    |
+| visibility        | none             |      | none, raycast            | occlusion between VPL and receiver                   |
+| passes            | 1                | 1    | 1 … 4096                 | progressive: average of draws of N VPLs              |
+| interleave        | 1                | 1    | 1, 2, 4, 8               | s: each VPL in one of s² sub-images, then a filter   |
+| sampler           | uniform          |      | uniform, low-discrepancy | of the points                                        |
+| light_samples     | 16               | 1    | 1 … 4096                 | samples of area lights and sky, per pixel and VPL    |
+| direct_visibility | raycast          |      | raycast, shadow-map      | shadows of the direct layer                          |
+| backend           | auto             |      | auto, gl, cpu            | auto: a fixed table on the device string             |
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import ceil, log
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.frame import Frame
+from renderers.method import Context, register, setting
+from renderers.methods.ir import InstantRadiosity, IrSettings, backend_of, clamp_of, direct_layer, gather_vpls, make_gbuffer, timed
+from renderers.methods.ir import warm_up as warm_up_ir
+from renderers.scene.model import Scene
+from renderers.scene.world import LAMBERT, World, rest_bounds
+
+if TYPE_CHECKING:
+    from renderers.gbuffer import GBuffer
+    from renderers.transport.cuts import Family
+    from renderers.transport.vpl import Vpls
+
+DEFAULT_REACH = 0.5
+LEAST_LAST = 32
+FEW_LAST = 10
+WHOLE = 4.0
+CHAPTER = "Laurent 2018 §4.2"
+
+
+class FlcSettings(IrSettings):
+    """Settings of forward light cuts. quality and reach are enough; the others override what follows from them."""
+
+    quality: float = setting(0.5, "sets the number of virtual lights: N = 1024 · 64^quality", ge=0, le=1)
+    reach: float | None = setting(
+        None, "R_1 over the scene's radius: where the finest level ends; empty: 0.5; from 1 on K = 1", source=CHAPTER, gt=0, le=1e3
+    )
+    vpls: int | None = setting(  # type: ignore[assignment]
+        None, "N, number of points drawn on the surfaces; empty: from quality", source="Laurent 2018 eq. 4.26", ge=1, le=1 << 24
+    )
+    family: Literal["c0", "c-1", "linear", "ridge"] = setting(
+        "c0",
+        "support functions: C⁰ hats, C⁻¹ steps, hats prolonged linearly, or the logarithmic ridge",
+        source="Laurent 2018 §4.2-4.3",
+    )
+    levels: int | None = setting(None, "K, number of levels; empty: from reach", source=CHAPTER, ge=1, le=32)
+    q_a: float = setting(2.0, "ratio of the areas of neighbouring levels", source="Laurent 2018 eq. 4.28", gt=1, le=100)
+    q_n: float | None = setting(
+        None, "ratio of the numbers of lights of neighbouring levels; empty: q_a", source="Laurent 2018 eq. 4.19", gt=1, le=100
+    )
+    epsilon_omega: float | None = setting(
+        None, "solid angle of the cut; sets the reach where that is empty", unit="sr", source="Laurent 2018 eq. 4.8", gt=0, le=100
+    )
+    passes: int = setting(1, "progressive: average of this many draws of N lights", source="Laurent 2018 §5.6", ge=1, le=4096)
+    interleave: Literal[1, 2, 4, 8] = setting(1, "s: each light goes to one of s² sub-images", source="Laurent 2018 §5.6.4")
+
+
+class Calibration(NamedTuple):
+    """What follows from settings and scene. first: R_1 in metres; epsilon_omega: sr; levels: K."""
+
+    vpls: int
+    reach: float
+    first: float
+    levels: int
+    q_n: float
+    epsilon_omega: float
+
+
+class Draw(NamedTuple):
+    """One draw of VPLs: the lit ones, their levels, and the rows that kernels and shader read."""
+
+    vpls: Vpls
+    rows: NDArray[np.float32]
+    place: NDArray[np.int64]
+
+
+class ForwardLightCuts(InstantRadiosity):
+    """Direct light plus one diffuse bounce through virtual lights of random, bounded reach."""
+
+    name = "flc"
+    title = "Forward light cuts"
+    source = "Laurent 2018 chapter 4; Laurent et al. 2016"
+    Settings = FlcSettings
+    claims: ClassVar = InstantRadiosity.claims
+
+    def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
+        """Fill in N, the levels, the clamp and the backend; resolving twice changes nothing."""
+        c = calibrate(scene, settings)
+        return settings.model_copy(
+            update={
+                "vpls": c.vpls,
+                "reach": c.reach,
+                "levels": c.levels,
+                "q_n": c.q_n,
+                "epsilon_omega": c.epsilon_omega,
+                "eps_b": clamp_of(scene, settings.eps_b),
+                "backend": backend_of(settings.backend, settings.visibility, device),
+            }
+        )
+
+    def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
+        world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
+        with watch("warm-up", "prepare"):
+            warm_up(world, settings)
+        family = family_of(scene, settings)
+        with watch("vpls"):
+            draws = [draw(world, family, settings, context.seed + (p << 48), counters) for p in range(settings.passes)]
+        direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
+        indirect = np.zeros_like(direct)
+        k, on_gl = settings.subpixels, settings.backend == "gl"
+        for index in range(k * k):
+            offset = ((index % k + 0.5) / k, (index // k + 0.5) / k)
+            with timed(watch, "gbuffer", "render", on_gl):
+                gbuffer = make_gbuffer(world, context.size, offset, settings.backend)
+            with timed(watch, "direct", "render", settings.direct_visibility == "shadow-map"):
+                direct += direct_layer(world, gbuffer, settings, context.seed + (index << 32), counters)
+            with timed(watch, "splat", "render", on_gl):
+                indirect += sum(splat_draw(world, gbuffer, d, family, settings, counters) for d in draws) / len(draws)
+            counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
+        layers = {"direct": (direct / k**2).astype(np.float32), "indirect": (indirect / k**2).astype(np.float32)}
+        layers["beauty"] = layers["direct"] + layers["indirect"]
+        notes = notes_of(scene, settings)
+        return Frame(layers, watch.timings, dict(sorted(counters.items())), {"backend": settings.backend}, notes)
+
+
+def calibrate(scene: Scene, settings: Any) -> Calibration:
+    """R_1 from reach, or from ε_Ω by a_1 = |S|/(N μ_1) = ε_Ω R_1²; then the smallest K whose last level spans the scene.
+
+    A last level of fewer than LEAST_LAST drawn VPLs would leave the far light to a handful of them: K ends before.
+    """
+    radius = rest_bounds(scene)[1]
+    vpls = settings.vpls or round(1024 * 64**settings.quality)
+    q_n = settings.q_n or settings.q_a
+    world = scene.world()
+    surface = float(world.areas.sum()) / world.scale**2
+    # |S| / N over the share of an endless geometric law: K isn't known yet, and μ_1 changes by its last term only
+    first_area = surface / vpls / (1 - 1 / q_n)
+    reach = settings.reach
+    if reach is None:
+        reach = DEFAULT_REACH if settings.epsilon_omega is None else (first_area / settings.epsilon_omega) ** 0.5 / radius
+    epsilon = settings.epsilon_omega or first_area / (reach * radius) ** 2
+    levels = settings.levels or level_count(vpls, reach, settings.q_a, q_n)
+    return Calibration(vpls, reach, reach * radius, levels, q_n, epsilon)
+
+
+def level_count(vpls: int, reach: float, q_a: float, q_n: float) -> int:
+    """Smallest K with reach² q_a^(K-1) ≥ 1, as long as level K gets LEAST_LAST VPLs on average; 1 … 32."""
+    count = 1
+    if reach < 1:
+        count = min(32, 1 + ceil(-2 * log(reach) / log(q_a) - 1e-9))
+    while count > 1 and vpls * last_share(count, q_n) < LEAST_LAST:
+        count -= 1
+    return count
+
+
+def last_share(count: int, q_n: float) -> float:
+    """μ_K of a geometric law."""
+    return q_n ** (1 - count) * (1 - 1 / q_n) / (1 - q_n**-count)
+
+
+def family_of(scene: Scene, settings: Any) -> Family:
+    """Support functions of resolved settings, their areas being squared reaches in World units."""
+    from renderers.transport.cuts import DiscreteLevels, LinearLevels, RidgeLevels, geometric_levels
+
+    # the World's radius is 1
+    areas, shares = geometric_levels(settings.levels, settings.reach**2, settings.q_a, settings.q_n)
+    if settings.family == "ridge":
+        return RidgeLevels(log(settings.q_n), 1 / log(settings.q_a), settings.reach**2 / (settings.q_a - 1))
+    if settings.family == "linear":
+        return LinearLevels(areas, log(settings.q_n))
+    return DiscreteLevels(areas, shares, settings.family == "c0")
+
+
+def is_ir(settings: Any) -> bool:
+    """Whether every weight is 1: one discrete level, no sub-images."""
+    return settings.levels == 1 and settings.family in ("c0", "c-1") and settings.interleave == 1
+
+
+def warm_up(world: World, settings: Any) -> None:
+    """What `ir` warms up, and the splatting kernels or shader."""
+    warm_up_ir(world, settings)
+    if is_ir(settings) or settings.backend == "gl":
+        return
+    from renderers.transport.splat import warm_up as compile_splat
+
+    pairwise = settings.visibility == "raycast" or bool((world.materials.kind != LAMBERT).any())
+    compile_splat({"ridge": 2, "linear": 1}.get(settings.family, 0), pairwise)
+
+
+def draw(world: World, family: Family, settings: Any, seed: int, counters: Counter[str]) -> Draw:
+    """VPLs of one seed, those of `ir`, with a level and a sub-image each, drawn independently of all else."""
+    from renderers.transport.sampling import generator
+    from renderers.transport.splat import light_rows
+    from renderers.transport.vpl import emit_vpls
+
+    vpls = emit_vpls(world, settings.vpls, seed, settings.sampler, settings.light_samples, counters)
+    marks = family.draw(generator(seed, "levels").random(vpls.drawn)[vpls.index])
+    place = generator(seed, "sub-images").integers(settings.interleave**2, size=vpls.drawn)[vpls.index]
+    for level, count in zip(*np.unique(marks.astype(np.int64), return_counts=True), strict=True):
+        counters[f"vpls_level_{level}"] += int(count)
+    return Draw(vpls, light_rows(vpls, family, marks), place)
+
+
+def splat_draw(
+    world: World, gbuffer: GBuffer, drawn: Draw, family: Family, settings: Any, counters: Counter[str]
+) -> NDArray[np.float32]:
+    """Light of one draw at every pixel, float32 (H, W, 3)."""
+    if is_ir(settings):
+        return gather_vpls(world, gbuffer, drawn.vpls, settings, counters)
+    if settings.interleave == 1:
+        return splat_rows(world, gbuffer, drawn.rows, family, settings, counters)
+    return interleaved(world, gbuffer, drawn, family, settings, counters)
+
+
+def interleaved(
+    world: World, gbuffer: GBuffer, drawn: Draw, family: Family, settings: Any, counters: Counter[str]
+) -> NDArray[np.float32]:
+    """Each light in its sub-image alone, s² times as strong; then the filter, before the product with a Lambertian's albedo."""
+    from dataclasses import replace
+
+    from renderers.transport.interleave import joined, sub_images
+
+    side = settings.interleave
+    lambert = gbuffer.covered & (world.materials.kind[gbuffer.material] == LAMBERT)
+    white = replace(gbuffer, base=np.where(lambert[..., None], np.float32(1), gbuffer.base))
+    rows = drawn.rows.copy()
+    rows[6:9] *= side * side
+    image = np.empty((*gbuffer.triangle.shape, 3), np.float32)
+    for index, (place, part) in enumerate(sub_images(white, side)):
+        here = np.ascontiguousarray(rows[:, drawn.place == index])
+        image[place] = splat_rows(world, part, here, family, settings, counters)
+    return joined(image, gbuffer, side) * np.where(lambert[..., None], gbuffer.base, np.float32(1))
+
+
+def splat_rows(
+    world: World, gbuffer: GBuffer, rows: NDArray[np.float32], family: Family, settings: Any, counters: Counter[str]
+) -> NDArray[np.float32]:
+    """One splatting pass on the resolved backend, float32 (H, W, 3)."""
+    eps_b = settings.eps_b * world.scale**2
+    if settings.backend == "gl":
+        from renderers.gl.cuts import splat_cuts
+
+        image, touched = splat_cuts(gbuffer, world, rows, spheres_of(rows), family.kernel, eps_b)
+        counters["pixels_touched"] += touched
+        return image
+    from renderers.transport.raycast import caster_of
+    from renderers.transport.splat import splat
+
+    caster = caster_of(world) if settings.visibility == "raycast" else None
+    return splat(gbuffer, world, rows, family, eps_b, caster, counters)
+
+
+def spheres_of(rows: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Spheres around the supports, a little wider than they; one around the whole World, of radius 1, where that is smaller."""
+    from renderers.transport.cuts import enclosing_spheres
+
+    wide = rows.astype(np.float64)
+    centres, radii = enclosing_spheres(wide[:3].T, wide[3:6].T, wide[10])
+    endless = radii > WHOLE
+    return np.where(endless[:, None], wide[:3].T, centres), np.where(endless, WHOLE, radii * 1.0001 + 1e-6)
+
+
+def notes_of(scene: Scene, settings: Any) -> tuple[str, ...]:
+    """The levels in words; and a warning where the last one is nearly empty."""
+    first = settings.reach * rest_bounds(scene)[1]
+    if settings.family == "ridge":
+        return (f"flc: N = {settings.vpls}, continuous levels, λ_L = {log(settings.q_n):.4g}, λ_D = {1 / log(settings.q_a):.4g}, "
+                f"R_1 = {first:.4g} m",)  # fmt: skip
+    note = f"flc: N = {settings.vpls}, K = {settings.levels}, R_1 = {first:.4g} m, ε_Ω = {settings.epsilon_omega:.4g} sr"
+    last = settings.vpls * last_share(settings.levels, settings.q_n)
+    if last < FEW_LAST:
+        return note, f"flc: the last level gets {last:.1f} VPLs on average: far light is noisy; fewer levels or more VPLs"
+    return (note,)
+
+
+register(ForwardLightCuts)
