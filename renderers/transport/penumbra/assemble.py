@@ -1,11 +1,11 @@
 """Events of all shadow maps, summed up to one attenuation function per pixel, in slabs of rows under a memory bound.
 
-Within a pixel events are sorted by depth; all that lie within `merge` of the first of a group change V at once, at the last depth of
-the group (an exit and an entry at one depth never leave [0, 1] in between). V is the running sum over N.
+Within a pixel events are sorted by depth; all that lie within `merge` of the first of a group change V at once, at the last depth
+of the group (an exit and an entry at one depth never leave [0, 1] in between). V is the running sum over N.
 
 Where the maps of all light points fit the bound, they are made once and every row is finished at once: only one row's events exist.
-Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Rows are independent and taken by the first
-free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
+Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Rows are independent and taken by the
+first free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numba
@@ -34,11 +35,13 @@ EVENT_BYTES = 9
 
 @dataclass(frozen=True)
 class Construction:
-    """How functions are built from shadow maps. bias: added to every stored depth, World units. walk: exact, or the published midpoint.
+    """How functions are built from shadow maps. bias: added to every stored depth, World units. walk: exact, or the published
+    midpoint.
 
-    merge: events closer than this change V at once; None: 2⁻¹⁴ of the depth range (St-Amour 2004 §3.1, the interval is not published).
-    compression with its tolerance epsilon; kappa: scale of the perpendicular metric's depth axis, its range is [0, kappa]; None: such
-    that no vertex moves by more than half of `bias`, at least 1. memory: bound in bytes on maps and events that live at once.
+    merge: events closer than this change V at once; None: 2⁻¹⁴ of the depth range (St-Amour 2004 §3.1, the interval is not
+    published). compression with its tolerance epsilon; kappa: scale of the perpendicular metric's depth axis, its range is [0,
+    kappa]; None: such that no vertex moves by more than half of `bias`, at least 1. memory: bound in bytes on maps and events that
+    live at once.
     """
 
     bias: float = 0.0
@@ -57,6 +60,14 @@ class _Events(NamedTuple):
     steps: int
 
 
+class _Row(NamedTuple):
+    counts: NDArray[np.int64]
+    depth: F32
+    value: F32
+    events: int
+    steps: int
+
+
 def assemble(
     pyramid: Pyramid, cameras: F64, make_maps: MapMaker, how: Construction, counters: Counter[str] | None = None
 ) -> PenumbraMap:
@@ -69,38 +80,46 @@ def assemble(
     tally = Counter[str]() if counters is None else counters
     first = make_maps(cameras[:1])
     batch = max(int(how.memory // 2 // first.nbytes), 1)
-    rows: list[list[_Events]]
     finished = []
     if len(cameras) <= batch:
         maps = make_maps(cameras)
         tally["shadow_maps"] += len(cameras)
-        finished = in_threads(
-            lambda row: _reduced(pyramid, [_row(pyramid, cameras, maps, row, how)], len(cameras), how), range(pyramid.height)
-        )
+
+        def whole(row: int) -> _Row:
+            return _reduced(pyramid, [_events(pyramid, cameras, maps, row, how)], len(cameras), how)
+
+        finished = in_threads(whole, range(pyramid.height))
     else:
         for slab in _slabs(pyramid, len(cameras), how.memory):
-            rows = [[] for _ in slab]
-            for part in chunks(len(cameras), batch):
-                maps, here = make_maps(cameras[part]), cameras[part]
-                tally["shadow_maps"] += len(here)
-                for held, found in zip(
-                    rows, in_threads(lambda row, h=here, m=maps: _row(pyramid, h, m, row, how), slab), strict=True
-                ):  # type: ignore[misc]
-                    held.append(found)
-            finished += in_threads(lambda held: _reduced(pyramid, held, len(cameras), how), rows)
+            finished += _slab(pyramid, cameras, make_maps, slab, batch, how, tally)
     tally["rays_walked"] += pyramid.width * pyramid.height * len(cameras)
-    counts = np.concatenate([f[0] for f in finished])
+    counts = np.concatenate([row.counts for row in finished])
     packed = PenumbraMap(
         pyramid,
         len(cameras),
         np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]),
-        np.concatenate([f[1] for f in finished]),
-        np.concatenate([f[2] for f in finished]),
+        np.concatenate([row.depth for row in finished]),
+        np.concatenate([row.value for row in finished]),
     )
-    tally["events"] += sum(f[3] for f in finished)
-    tally["texels_walked"] += sum(f[4] for f in finished)
+    tally["events"] += sum(row.events for row in finished)
+    tally["texels_walked"] += sum(row.steps for row in finished)
     tally["vertices"] += len(packed.depth)
     return packed
+
+
+def _slab(
+    pyramid: Pyramid, cameras: F64, make_maps: MapMaker, slab: range, batch: int, how: Construction, tally: Counter[str]
+) -> list[_Row]:
+    """Finished rows of one slab, its shadow maps made in batches."""
+    held: list[list[_Events]] = [[] for _ in slab]
+    for part in chunks(len(cameras), batch):
+        here = cameras[part]
+        maps = make_maps(here)
+        tally["shadow_maps"] += len(here)
+        walk = partial(_events, pyramid, here, maps, how=how)
+        for kept, found in zip(held, in_threads(walk, slab), strict=True):
+            kept.append(found)
+    return in_threads(lambda events: _reduced(pyramid, events, len(cameras), how), held)
 
 
 def _slabs(pyramid: Pyramid, cameras: int, memory: int) -> list[range]:
@@ -110,15 +129,13 @@ def _slabs(pyramid: Pyramid, cameras: int, memory: int) -> list[range]:
     return [range(s.start, s.stop) for s in chunks(pyramid.height, size)]
 
 
-def _row(pyramid: Pyramid, cameras: F64, maps: F32, row: int, how: Construction) -> _Events:
+def _events(pyramid: Pyramid, cameras: F64, maps: F32, row: int, how: Construction) -> _Events:
     v = float(pyramid.vs[row])
     found = row_events(maps, cameras, pyramid.us, v, pyramid.near, pyramid.far, how.bias, how.walk == "exact")
     return _Events(*found)
 
 
-def _reduced(
-    pyramid: Pyramid, parts: list[_Events], cameras: int, how: Construction
-) -> tuple[NDArray[np.int64], F32, F32, int, int]:
+def _reduced(pyramid: Pyramid, parts: list[_Events], cameras: int, how: Construction) -> _Row:
     """Vertices per pixel, depths and values of one row, and how many events and steps went in."""
     pixel, z, sign = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:3])
     span = pyramid.far - pyramid.near
@@ -129,7 +146,7 @@ def _reduced(
     counts, depth, value = reduce_row(
         pyramid.width, pixel, z, sign, cameras, merge, METHODS[how.compression], how.epsilon, kappa / span
     )
-    return counts, depth, value, len(z), sum(part.steps for part in parts)
+    return _Row(counts, depth, value, len(z), sum(part.steps for part in parts))
 
 
 @numba.njit(nogil=True, cache=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from renderers.scene.world import World
-from renderers.transport.penumbra.assemble import Construction, assemble
+from renderers.transport.penumbra.assemble import Construction, MapMaker, assemble
 from renderers.transport.penumbra.cameras import cameras_of
 from renderers.transport.penumbra.depth import depth_maps
 from renderers.transport.penumbra.emitters import Emitter
@@ -46,19 +47,41 @@ class LightShadows:
         """
         p = np.asarray(points, np.float64).reshape(-1, 3)
         out = np.full(len(p), -1, np.float32)
-        axes = (p - self.emitter.centre) @ self.emitter.frame.T
-        for shadow in self.maps:
-            local = shadow.pyramid.local(p)
-            # each point belongs to the face of the cube that its direction passes
-            rows = np.flatnonzero(local[:, 2] >= np.abs(axes).max(axis=1) * (1 - 1e-9))
-            if not len(rows):
-                continue
+        for shadow, (rows, local) in zip(self.maps, by_face(self.emitter, [m.pyramid for m in self.maps], p), strict=True):
             where = p[rows]
             if normals is not None and offset:
-                footprint = offset * shadow.pyramid.pitch * local[rows, 2]
+                footprint = offset * shadow.pyramid.pitch * local[:, 2]
                 where = where + np.asarray(normals, np.float64).reshape(-1, 3)[rows] * footprint[:, None]
             out[rows] = shadow.hidden(where, filter)
         return out
+
+
+def by_face(emitter: Emitter, pyramids: Sequence[Pyramid], points: F64) -> Iterator[tuple[NDArray[np.intp], F64]]:
+    """For each pyramid around a light the rows of World points (P, 3) whose direction passes its face, and those in its frame."""
+    reach = np.abs((points - emitter.centre) @ emitter.frame.T).max(axis=1)
+    for pyramid in pyramids:
+        local = pyramid.local(points)
+        rows = np.flatnonzero(local[:, 2] >= reach * (1 - 1e-9))
+        yield rows, local[rows]
+
+
+def pyramids_of(world: World, emitter: Emitter, points: F64, resolution: int, near: float) -> list[Pyramid]:
+    """Pyramids around `emitter` that hold all other geometry; parameters as in `build`."""
+    others = np.ones(len(world.triangles), bool)
+    others[emitter.triangles] = False
+    geometry = world.positions[np.unique(world.triangles[others])].astype(np.float64)
+    if not len(geometry):
+        return []
+    return pyramids_around(
+        emitter.centre, emitter.frame, points, geometry, resolution, near * emitter.size, one_sided=emitter.one_sided
+    )
+
+
+def casters_of(world: World, emitter: Emitter, casters: NDArray[np.bool_] | None = None) -> F64:
+    """Corners (T, 3, 3) of the triangles that cast shadows of `emitter`: all but its own, or those of `casters` (T,)."""
+    cast = np.ones(len(world.triangles), bool) if casters is None else casters.copy()
+    cast[emitter.triangles] = False
+    return world.positions[world.triangles[cast]].astype(np.float64)
 
 
 def build(
@@ -76,39 +99,39 @@ def build(
 ) -> LightShadows:
     """Build the maps of `emitter` from light points (N, 3).
 
-    resolution: pixels across 90° of a pyramid. map_resolution: texels across a shadow map. near: distance of the near plane from the
-    light, in half sizes of the light. casters: bool (T,), which triangles cast (all but the emitter's own by default); the others
-    receive.
+    resolution: pixels across 90° of a pyramid. map_resolution: texels across a shadow map. near: distance of the near plane from
+    the light, in half sizes of the light. casters: bool (T,), which triangles cast (all but the emitter's own by default); the
+    others receive.
     """
-    cast = np.ones(len(world.triangles), bool) if casters is None else casters.copy()
-    cast[emitter.triangles] = False
-    vertices = world.positions.astype(np.float64)
-    receivers = np.ones(len(world.triangles), bool)
-    receivers[emitter.triangles] = False
-    geometry = vertices[np.unique(world.triangles[receivers])]
-    pyramids = pyramids_around(
-        emitter.centre, emitter.frame, points, geometry, resolution, near * emitter.size, one_sided=emitter.one_sided
-    ) if len(geometry) else []  # fmt: skip
-    corners = vertices[world.triangles[cast]]
-    return LightShadows(
-        emitter, tuple(_one(pyramid, corners, points, map_resolution, how, slope, counters) for pyramid in pyramids)
-    )
+    pyramids = pyramids_of(world, emitter, points, resolution, near)
+    corners = casters_of(world, emitter, casters)
+    return LightShadows(emitter, tuple(_one(p, corners, points, map_resolution, how, slope, counters) for p in pyramids))
 
 
 def _one(
     pyramid: Pyramid, corners: F64, points: F64, resolution: int, how: Construction, slope: Slope, counters: Counter[str] | None
 ) -> PenumbraMap:
-    local = np.ascontiguousarray(pyramid.local(corners))
-    local = local[(local[:, :, 2] > 0).any(axis=1)]
     texels = 0.5 if how.walk == "exact" else 1.5
     pixels = pyramid.pitch * (1.0 if slope.filter == "bilinear" else 0.5)
+    make = map_maker(pyramid, corners, resolution, texels, pixels, slope.limit)
+    return assemble(pyramid, cameras_of(pyramid, pyramid.local(points), resolution), make, how, counters)
+
+
+def map_maker(
+    pyramid: Pyramid, corners: F64, resolution: int, texels: float = 0.0, pixels: float = 0.0, limit: float = 0.0
+) -> MapMaker:
+    """Makes shadow maps float32 (N, resolution, resolution) of World triangles (T, 3, 3) for cameras; the rest as in
+    `depth_maps`.
+    """
+    local = pyramid.local(corners)
+    local = np.ascontiguousarray(local[(local[:, :, 2] > 0).any(axis=1)])
 
     def make(cameras: F64) -> F32:
         maps = np.empty((len(cameras), resolution, resolution), np.float32)
-        depth_maps(local, cameras, maps, texels, pixels, slope.limit)
+        depth_maps(local, np.ascontiguousarray(cameras), maps, texels, pixels, limit)
         return maps
 
-    return assemble(pyramid, cameras_of(pyramid, pyramid.local(points), resolution), make, how, counters)
+    return make
 
 
 @cache

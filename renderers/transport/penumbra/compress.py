@@ -3,10 +3,10 @@
 Input is the step form: each change of V at z_k gives two points, (z_k, V_{k-1}) and (z_k, V_k), z not falling. V' is 0 before its
 first vertex, linear between vertices, constant after the last; of two vertices at one z the first is the limit from the left.
 
-Vertical (Lokovic & Veach 2000, St-Amour 2004 §3.2). From an origin, every point allows the slopes that pass it within ±ε; windows are
-intersected until none is left, then the segment ends at the last point with the mean slope. |V' - V| ≤ ε everywhere, from both sides
-of a jump: between points both are linear, and at each point V' lies in the window. Windows are clipped to [0, 1] instead of the
-vertices, because moving a vertex afterwards would tilt its segment out of the bound.
+Vertical (Lokovic & Veach 2000, St-Amour 2004 §3.2). From an origin, every point allows the slopes that pass it within ±ε; windows
+are intersected until none is left, then the segment ends at the last point with the mean slope. |V' - V| ≤ ε everywhere, from both
+sides of a jump: between points both are linear, and at each point V' lies in the window. Windows are clipped to [0, 1] instead of
+the vertices, because moving a vertex afterwards would tilt its segment out of the bound.
 
 Perpendicular (St-Amour 2004 §3.2, in a sound form). ε is a distance in the plane (κ (z - near) / (far - near), V): every point lies
 within ε of the polyline, so a steep part may move by ε (far - near) / κ in depth, and needs far fewer vertices.

@@ -1,16 +1,17 @@
 """Shadow maps on the CPU: depth of the first surface at every texel centre, all maps in parallel.
 
 Each triangle is tested in homogeneous coordinates (Olano & Greer 1997): with corners p_i in the camera's frame and the texel's ray
-d = (u, v, 1), d hits it where (p_j × p_k)·d has one sign for all three edges, at depth det(p) / (n·d). No clipping is needed, so what
-lies before the pyramid's near plane still casts, as with a depth clamp. Shared edges leave no gap: both sides compute one product.
+d = (u, v, 1), d hits it where (p_j × p_k)·d has one sign for all three edges, at depth det(p) / (n·d). No clipping is needed, so
+what lies before the pyramid's near plane still casts, as with a depth clamp. Shared edges leave no gap: both sides compute one
+product.
 
-A map stores D + b_s, b_s the bias that this texel's own plane needs (St-Amour 2004 adds a bias at construction without a formula). A
-plane does not shadow itself if
+A map stores D + b_s, b_s the bias that this texel's own plane needs (St-Amour 2004 adds a bias at construction without a formula).
+A plane does not shadow itself if
 
     b_s ≥ |∂Z/∂u| (c_S Δu_S + c_P Δu_P) + |∂Z/∂v| (c_S Δv_S + c_P Δv_P)
 
-because a map's texel stands for points up to half a texel away (c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to one
-pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). b_s is limited, so that grazing surfaces still cast.
+because a map's texel stands for points up to half a texel away (c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to
+one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). b_s is limited, so that grazing surfaces still cast.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderers.transport.penumbra.cameras import DU, DV, S, U0, V0
+from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S
 
 FRONT = 1e-7
 

@@ -1,11 +1,11 @@
 """Area lights of a World: emissive triangles grouped into emitters, and stratified points on each.
 
-One emitter is one connected plane of one instance (rectangle, disc or any planar polygon), a sphere, or one of six groups of a curved
-mesh's triangles, by the axis that their normals are nearest to. Emitters do not cast shadows of their own light.
+One emitter is one connected plane of one instance (rectangle, disc or any planar polygon), a sphere, or one of six groups of a
+curved mesh's triangles, by the axis that their normals are nearest to. Emitters do not cast shadows of their own light.
 
 Points (St-Amour 2004 §3.1): N regions of equal area, one uniform random point in each. A rectangle has rows of cells; a disc takes
-those of a square, mapped area-true (Shirley & Chiu 1997); polygons and meshes stratify the cumulative area and shift a van der Corput
-set across it.
+those of a square, mapped area-true (Shirley & Chiu 1997); polygons and meshes stratify the cumulative area and shift a van der
+Corput set across it.
 
 A sphere of radius R looks the same from everywhere, so its points must look like a uniform disc from everywhere. The density in
 the ball that does is g(ρ) ∝ 1 / √(R² - ρ²), the Abel inverse of a constant disc: with ρ = R sin θ, θ has density ∝ sin² θ on
@@ -90,7 +90,9 @@ def emitters_of(world: World) -> list[Emitter]:
 
 
 def stratified(count: int, rng: np.random.Generator) -> F64:
-    """One uniform random point in each of `count` cells of equal area of [0, 1)², (count, 2); √count rows, square where that is whole."""
+    """One uniform random point in each of `count` cells of equal area of [0, 1)², (count, 2); √count rows, square where that is
+    whole.
+    """
     rows = max(round(count**0.5), 1)
     columns = np.diff(np.floor(np.linspace(0, count, rows + 1)).astype(int))
     jitter = rng.random((count, 2))

@@ -23,11 +23,11 @@ class PenumbraFileError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class PenumbraMap:
-    """Functions of all pixels, one after another (St-Amour 2004 §4.3, linear encoding): that of pixel (column, row) has the vertices
-    start[row · width + column] … of depth and value.
+    """Functions of all pixels, one after another (St-Amour 2004 §4.3, linear encoding): that of pixel (column, row) has the
+    vertices start[row · width + column] … of depth and value.
 
-    samples: light points it was built from. start int64 (width · height + 1,); depth float32 (M,), World units along the pyramid's axis,
-    not falling within a function; value float32 (M,), hidden share in [0, 1].
+    samples: light points it was built from. start int64 (width · height + 1,); depth float32 (M,), World units along the pyramid's
+    axis, not falling within a function; value float32 (M,), hidden share in [0, 1].
     """
 
     pyramid: Pyramid

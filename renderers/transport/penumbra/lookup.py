@@ -1,7 +1,8 @@
 """Evaluation of packed attenuation functions (numba kernels).
 
 V at a point is the bilinear blend of the functions of the four pixels around its tangents, all at its own depth Z: results are
-filtered, never depths or vertices (St-Amour 2004 §4.1). A vertex at exactly Z is not passed yet, as the shadow test D + b < Z is strict.
+filtered, never depths or vertices (St-Amour 2004 §4.1). A vertex at exactly Z is not passed yet, as the shadow test D + b < Z is
+strict.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ def value_at(depth, value, first, last, z):  # type: ignore[no-untyped-def]
 
 @numba.njit(parallel=True, cache=True)
 def evaluate(points, window, width, height, start, depth, value, bilinear, out):  # type: ignore[no-untyped-def]
-    """out float32 (P,): V at points float64 (P, 3) of the pyramid's frame, UNCOVERED outside of it. window: u_0, v_0, pitch, near, far."""
+    """out float32 (P,): V at points float64 (P, 3) of the pyramid's frame, UNCOVERED outside of it. window: u_0, v_0, pitch, near,
+    far.
+    """
     for i in numba.prange(len(points)):
         z = points[i, 2]
         if not (z >= window[3] and z <= window[4]):

@@ -1,8 +1,8 @@
 """The view pyramid of a penumbra deep shadow map: apex at the light's centre, a grid of rays uniform in tangents.
 
 P in the pyramid's frame is `rotation @ (P_world - apex)`; depth Z is its third coordinate, tangents are u = X/Z and v = Y/Z. One
-pyramid sees 90° at most here. A light that shines into a half space needs up to five, one that shines everywhere six: the faces of a
-cube around it (the source has one; several are an extension). Each face is as wide as its share plus one pixel, so that bilinear
+pyramid sees 90° at most here. A light that shines into a half space needs up to five, one that shines everywhere six: the faces of
+a cube around it (the source has one; several are an extension). Each face is as wide as its share plus one pixel, so that bilinear
 filtering never stops at a seam.
 """
 
@@ -50,12 +50,12 @@ class Pyramid:
     @cached_property
     def us(self) -> F64:
         """Tangents u of the pixel centres, (width,)."""
-        return self.low[0] + (np.arange(self.width) + 0.5) * self.pitch
+        return np.asarray(self.low[0] + (np.arange(self.width) + 0.5) * self.pitch)
 
     @cached_property
     def vs(self) -> F64:
         """Tangents v of the pixel centres, (height,)."""
-        return self.low[1] + (np.arange(self.height) + 0.5) * self.pitch
+        return np.asarray(self.low[1] + (np.arange(self.height) + 0.5) * self.pitch)
 
     @cached_property
     def corners(self) -> F64:
@@ -70,9 +70,9 @@ def pyramids_around(
 ) -> list[Pyramid]:
     """The pyramids that a light needs: those faces of its cube that hold geometry, each tight around it.
 
-    frame (3, 3): rows are the light's tangents and normal. points (N, 3): light samples, geometry (V, 3): vertices of all receivers and
-    casters; both in the World. resolution: pixels across 90°, or across the front face where that can be narrower. near: distance
-    between the foremost light point and the near plane. one_sided: the light shines to the side of its normal only.
+    frame (3, 3): rows are the light's tangents and normal. points (N, 3): light samples, geometry (V, 3): vertices of all
+    receivers and casters; both in the World. resolution: pixels across 90°, or across the front face where that can be narrower.
+    near: distance between the foremost light point and the near plane. one_sided: the light shines to the side of its normal only.
     """
     found = []
     for index, face in enumerate(FACES[:5] if one_sided else FACES):

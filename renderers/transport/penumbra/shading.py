@@ -1,8 +1,8 @@
 """Direct light with a hidden share per area light: C = Σ_e C_e (1 - V_e), C_e the light of emitter e without shadows.
 
-The separation is the source's (St-Amour 2004 §4.1): V weighs all parts of a light alike, where the truth weighs them with the cosines and
-the distance. Points that no map covers get V from shadow rays to the same light points; punctual lights, the environment, and area
-lights beyond those asked for are ray cast altogether.
+The separation is the source's (St-Amour 2004 §4.1): V weighs all parts of a light alike, where the truth weighs them with the
+cosines and the distance. Points that no map covers get V from shadow rays to the same light points; punctual lights, the
+environment, and area lights beyond those asked for are ray cast altogether.
 """
 
 from __future__ import annotations

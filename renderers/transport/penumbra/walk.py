@@ -5,12 +5,12 @@ coordinates are affine,
 
     x(q) = (A + B q - u_0) / Δu,    A = α_x / α_z,    B = A β_z - β_x,        (same for y)
 
-so the ray is a straight line in the map; q falls while Z = (1/q + β_z) / α_z grows. Cameras parallel to the pyramid in one plane with
-its apex have α_z = 1, β_z = 0: then Z = 1/q is the depth in every map. Turned cameras and points in front of that plane need
+so the ray is a straight line in the map; q falls while Z = (1/q + β_z) / α_z grows. Cameras parallel to the pyramid in one plane
+with its apex have α_z = 1, β_z = 0: then Z = 1/q is the depth in every map. Turned cameras and points in front of that plane need
 nothing else.
 
-Exact (St-Amour 2004 §3.1 made exact): every texel that the line touches is visited. On its span of the ray the map is constant, so the
-shadowed part is known exactly, and the events add up to the shadow test D + b < Z everywhere. Midpoint: the published scan
+Exact (St-Amour 2004 §3.1 made exact): every texel that the line touches is visited. On its span of the ray the map is constant, so
+the shadowed part is known exactly, and the events add up to the shadow test D + b < Z everywhere. Midpoint: the published scan
 conversion, one texel per step of the major axis; the stored depth where the step brackets it, the step's own depth elsewhere.
 """
 
@@ -19,7 +19,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderers.transport.penumbra.cameras import DU, DV, S, U0, V0
+from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S
 
 NOTHING = np.float32(np.inf)
 # a camera plane cuts the ray nearer than this: what lies behind the camera is lit
@@ -64,24 +64,24 @@ def walk_exact(depth, ray, near, far, bias, z, sign, count):  # type: ignore[no-
     ix, iy = int(np.floor(ax + bx * q)), int(np.floor(ay + by * q))
     step_x, step_y = (-1 if bx > 0 else 1), (-1 if by > 0 else 1)
     edge_x, edge_y = (0 if bx > 0 else 1), (0 if by > 0 else 1)
-    z_in = max((1 / q + bz) * iaz, near)
+    inverse_x, inverse_y = (1 / bx if bx != 0 else 0.0), (1 / by if by != 0 else 0.0)
     shadowed = False
     while True:
-        qx = (ix + edge_x - ax) / bx if bx != 0 else -np.inf
-        qy = (iy + edge_y - ay) / by if by != 0 else -np.inf
+        qx = (ix + edge_x - ax) * inverse_x if bx != 0 else -np.inf
+        qy = (iy + edge_y - ay) * inverse_y if by != 0 else -np.inf
         q_next = min(max(qx, qy, q_out), q)
-        z_out = far if q_next <= q_out else (1 / q_next + bz) * iaz
-        d = (texel(depth, ix, iy) + bias + bz) * iaz
-        if d < z_out and d > z_in:
+        d = texel(depth, ix, iy) + bias
+        # the span's camera depths are 1/q … 1/q_next; products spare a division per texel
+        if d * q > 1 and d * q_next < 1:
             if shadowed:
-                z[count], sign[count] = z_in, -1
+                z[count], sign[count] = _depth_at(q, bz, iaz, near, far), -1
                 count += 1
-            z[count], sign[count] = d, 1
+            z[count], sign[count] = min(max((d + bz) * iaz, near), far), 1
             count += 1
             shadowed = True
-        elif (d <= z_in) != shadowed:
+        elif (d * q <= 1) != shadowed:
             shadowed = not shadowed
-            z[count], sign[count] = z_in, (1 if shadowed else -1)
+            z[count], sign[count] = _depth_at(q, bz, iaz, near, far), (1 if shadowed else -1)
             count += 1
         if q_next <= q_out:
             return count
@@ -89,7 +89,13 @@ def walk_exact(depth, ray, near, far, bias, z, sign, count):  # type: ignore[no-
             ix += step_x
         if qy >= qx:
             iy += step_y
-        q, z_in = q_next, z_out
+        q = q_next
+
+
+@numba.njit(inline="always")
+def _depth_at(q, bz, iaz, near, far):  # type: ignore[no-untyped-def]
+    """Depth of the ray at parameter q."""
+    return min(max((1 / q + bz) * iaz, near), far)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -126,7 +132,8 @@ def walk_midpoint(depth, ray, near, far, bias, z, sign, count):  # type: ignore[
 def row_events(maps, cameras, us, v, near, far, bias, exact):  # type: ignore[no-untyped-def]
     """Events of one row of the pyramid in all maps: pixel int32, z float32, sign int8 (E,), and the steps walked.
 
-    maps float32 (N, h, w); cameras float64 (N, CAMERA); us float64 (W,), v: tangents of the pixel centres; near, far, bias: world units.
+    maps float32 (N, h, w); cameras float64 (N, CAMERA); us float64 (W,), v: tangents of the pixel centres; near, far, bias: world
+    units.
     """
     size = 4 * len(us) + 64
     pixel, z, sign = np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.int8)
