@@ -1,0 +1,97 @@
+"""Shadow maps on the CPU: depth of the first surface at every texel centre, all maps in parallel.
+
+Each triangle is tested in homogeneous coordinates (Olano & Greer 1997): with corners p_i in the camera's frame and the texel's ray
+d = (u, v, 1), d hits it where (p_j × p_k)·d has one sign for all three edges, at depth det(p) / (n·d). No clipping is needed, so
+what lies before the pyramid's near plane still casts, as with a depth clamp. Shared edges leave no gap: both sides compute one
+product.
+
+A map stores D + b_s, b_s the bias that this texel's own plane needs (St-Amour 2004 adds a bias at construction without a formula).
+A plane does not shadow itself if
+
+    b_s ≥ |∂Z/∂u| (c_S Δu_S + c_P Δu_P) + |∂Z/∂v| (c_S Δv_S + c_P Δv_P)
+
+because a map's texel stands for points up to half a texel away (c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to
+one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). b_s is limited, so that grazing surfaces still cast.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S
+
+FRONT = 1e-7
+
+
+@numba.njit(parallel=True, cache=True)
+def depth_maps(corners, cameras, maps, texels, pixels, limit):  # type: ignore[no-untyped-def]
+    """Fill maps float32 (N, h, w) with depth D + b_s along each camera's axis, inf where nothing is hit.
+
+    corners float64 (T, 3, 3): casters, pyramid's frame. cameras (N, CAMERA). texels = c_S; pixels = c_P Δu_P, tangent units; limit:
+    largest b_s, World units (0: plain depth).
+    """
+    for i in numba.prange(len(cameras)):
+        maps[i].fill(np.inf)
+        for t in range(len(corners)):
+            _rasterize(corners[t], cameras[i], maps[i], texels, pixels, limit)
+
+
+@numba.njit(nogil=True, cache=True)
+def _rasterize(corners, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
+    """One triangle into one map."""
+    p = np.empty((3, 3))
+    for k in range(3):
+        x, y, z = corners[k, 0] - camera[S], corners[k, 1] - camera[S + 1], corners[k, 2] - camera[S + 2]
+        for r in range(3):
+            p[k, r] = camera[3 * r] * x + camera[3 * r + 1] * y + camera[3 * r + 2] * z
+    if p[0, 2] <= FRONT and p[1, 2] <= FRONT and p[2, 2] <= FRONT:
+        return
+    e = np.empty((3, 3))
+    for k in range(3):
+        a, b = p[(k + 1) % 3], p[(k + 2) % 3]
+        e[k, 0], e[k, 1], e[k, 2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    det = p[0, 0] * e[0, 0] + p[0, 1] * e[0, 1] + p[0, 2] * e[0, 2]
+    if det == 0:
+        return
+    if det < 0:
+        det = -det
+        e *= -1.0
+    _fill(p, e, det, camera, depth, texels, pixels, limit)
+
+
+@numba.njit(inline="always")
+def _bounds(p, axis, start, step, size):  # type: ignore[no-untyped-def]
+    """Range of texels whose centres can lie on the triangle, along one axis; all of them where it reaches the camera's plane."""
+    if p[0, 2] <= FRONT or p[1, 2] <= FRONT or p[2, 2] <= FRONT:
+        return 0, size
+    a, b, c = p[0, axis] / p[0, 2], p[1, axis] / p[1, 2], p[2, axis] / p[2, 2]
+    low, high = (min(a, b, c) - start) / step - 0.5, (max(a, b, c) - start) / step - 0.5
+    # min and max before int: far out of the window a float does not fit one
+    return int(np.floor(min(max(low, 0.0), float(size)))), int(np.ceil(max(min(high, size - 1.0), -1.0))) + 1
+
+
+@numba.njit(inline="always")
+def _fill(p, e, det, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
+    du, dv = camera[DU], camera[DV]
+    x_first, x_last = _bounds(p, 0, camera[U0], du, depth.shape[1])
+    y_first, y_last = _bounds(p, 1, camera[V0], dv, depth.shape[0])
+    nx, ny, nz = e[0, 0] + e[1, 0] + e[2, 0], e[0, 1] + e[1, 1] + e[2, 1], e[0, 2] + e[1, 2] + e[2, 2]
+    # depth of the camera over the apex, for pixels of the pyramid seen from this camera
+    ahead = camera[6] * camera[S] + camera[7] * camera[S + 1] + camera[8] * camera[S + 2]
+    for y in range(y_first, y_last):
+        v = camera[V0] + (y + 0.5) * dv
+        c0, c1, c2 = e[0, 1] * v + e[0, 2], e[1, 1] * v + e[1, 2], e[2, 1] * v + e[2, 2]
+        for x in range(x_first, x_last):
+            u = camera[U0] + (x + 0.5) * du
+            if e[0, 0] * u + c0 < 0 or e[1, 0] * u + c1 < 0 or e[2, 0] * u + c2 < 0:
+                continue
+            across = nx * u + ny * v + nz
+            if across <= 0:
+                continue
+            z = det / across
+            wide = pixels * max((z + ahead) / z, 0.0)
+            slope = z * z / det * (abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide))
+            biased = z + min(slope, limit)
+            if biased < depth[y, x]:
+                depth[y, x] = biased

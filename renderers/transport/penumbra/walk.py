@@ -1,0 +1,169 @@
+"""A ray of the pyramid through one shadow map: where it enters shadow (+1) and where it leaves it (-1).
+
+The ray P(Z) = Z (u, v, 1) has camera coordinates c = αZ - β with α = R (u, v, 1), β = R s. With q = 1 / c_z the map's texel
+coordinates are affine,
+
+    x(q) = (A + B q - u_0) / Δu,    A = α_x / α_z,    B = A β_z - β_x,        (same for y)
+
+so the ray is a straight line in the map; q falls while Z = (1/q + β_z) / α_z grows. Cameras parallel to the pyramid in one plane
+with its apex have α_z = 1, β_z = 0: then Z = 1/q is the depth in every map. Turned cameras and points in front of that plane need
+nothing else.
+
+Exact (St-Amour 2004 §3.1 made exact): every texel that the line touches is visited. On its span of the ray the map is constant, so
+the shadowed part is known exactly, and the events add up to the shadow test D + b < Z everywhere. Midpoint: the published scan
+conversion, one texel per step of the major axis; the stored depth where the step brackets it, the step's own depth elsewhere.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S
+
+NOTHING = np.float32(np.inf)
+# a camera plane cuts the ray nearer than this: what lies behind the camera is lit
+IN_FRONT = 1e-6
+
+
+@numba.njit(inline="always")
+def project(camera, u, v, near, far):  # type: ignore[no-untyped-def]
+    """(seen, a_x, b_x, a_y, b_y, 1/α_z, β_z, q_in, q_out) of the ray with tangents (u, v) between depths near and far."""
+    ax = camera[0] * u + camera[1] * v + camera[2]
+    ay = camera[3] * u + camera[4] * v + camera[5]
+    az = camera[6] * u + camera[7] * v + camera[8]
+    sx, sy, sz = camera[S], camera[S + 1], camera[S + 2]
+    bx = camera[0] * sx + camera[1] * sy + camera[2] * sz
+    by = camera[3] * sx + camera[4] * sy + camera[5] * sz
+    bz = camera[6] * sx + camera[7] * sy + camera[8] * sz
+    seen = az > 0 and az * far - bz > IN_FRONT
+    if not seen:
+        return seen, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    first, last = max(az * near - bz, IN_FRONT), az * far - bz
+    px, py = ax / az, ay / az
+    return (
+        seen,
+        (px - camera[U0]) / camera[DU], (px * bz - bx) / camera[DU],
+        (py - camera[V0]) / camera[DV], (py * bz - by) / camera[DV],
+        1.0 / az, bz, 1.0 / first, 1.0 / max(last, first),
+    )  # fmt: skip
+
+
+@numba.njit(inline="always")
+def texel(depth, ix, iy):  # type: ignore[no-untyped-def]
+    """Stored depth; outside the map nothing blocks."""
+    if 0 <= iy < depth.shape[0] and 0 <= ix < depth.shape[1]:
+        return depth[iy, ix]
+    return NOTHING
+
+
+@numba.njit(nogil=True, cache=True)
+def walk_exact(depth, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
+    """Append events of one ray to z, sign from `count` on; returns the new count. ray: what `project` returned."""
+    _, ax, bx, ay, by, iaz, bz, q, q_out = ray
+    ix, iy = int(np.floor(ax + bx * q)), int(np.floor(ay + by * q))
+    step_x, step_y = (-1 if bx > 0 else 1), (-1 if by > 0 else 1)
+    edge_x, edge_y = (0 if bx > 0 else 1), (0 if by > 0 else 1)
+    inverse_x, inverse_y = (1 / bx if bx != 0 else 0.0), (1 / by if by != 0 else 0.0)
+    shadowed = False
+    while True:
+        qx = (ix + edge_x - ax) * inverse_x if bx != 0 else -np.inf
+        qy = (iy + edge_y - ay) * inverse_y if by != 0 else -np.inf
+        q_next = min(max(qx, qy, q_out), q)
+        d = texel(depth, ix, iy) + bias
+        # the span's camera depths are 1/q … 1/q_next; products spare a division per texel
+        if d * q > 1 and d * q_next < 1:
+            if shadowed:
+                z[count], sign[count] = _depth_at(q, bz, iaz, near, far), -1
+                count += 1
+            z[count], sign[count] = min(max((d + bz) * iaz, near), far), 1
+            count += 1
+            shadowed = True
+        elif (d * q <= 1) != shadowed:
+            shadowed = not shadowed
+            z[count], sign[count] = _depth_at(q, bz, iaz, near, far), (1 if shadowed else -1)
+            count += 1
+        if q_next <= q_out:
+            return count
+        if qx >= qy:
+            ix += step_x
+        if qy >= qx:
+            iy += step_y
+        q = q_next
+
+
+@numba.njit(inline="always")
+def _depth_at(q, bz, iaz, near, far):  # type: ignore[no-untyped-def]
+    """Depth of the ray at parameter q."""
+    return min(max((1 / q + bz) * iaz, near), far)
+
+
+@numba.njit(nogil=True, cache=True)
+def walk_midpoint(depth, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
+    """The published walk (St-Amour 2004 §3.1, figure 3.4): as `walk_exact`, one texel per step of the major axis."""
+    _, ax, bx, ay, by, iaz, bz, q_in, q_out = ray
+    x0, y0 = int(np.floor(ax + bx * q_in)), int(np.floor(ay + by * q_in))
+    x1, y1 = int(np.floor(ax + bx * q_out)), int(np.floor(ay + by * q_out))
+    steps = max(abs(x1 - x0), abs(y1 - y0))
+    if steps == 0:
+        d = (texel(depth, x0, y0) + bias + bz) * iaz
+        if d < far:
+            z[count], sign[count] = max(d, near), 1
+            count += 1
+        return count
+    shadowed, before = False, near
+    for k in range(steps + 1):
+        ix, iy = int(np.floor(x0 + (x1 - x0) * k / steps + 0.5)), int(np.floor(y0 + (y1 - y0) * k / steps + 0.5))
+        here = max((1 / (q_in + k / steps * (q_out - q_in)) + bz) * iaz, near)
+        d = (texel(depth, ix, iy) + bias + bz) * iaz
+        if d < here and not shadowed:
+            z[count], sign[count] = (d if before <= d else here), 1
+            count += 1
+            shadowed = True
+        elif d >= here and shadowed:
+            z[count], sign[count] = before, -1
+            count += 1
+            shadowed = False
+        before = here
+    return count
+
+
+@numba.njit(nogil=True, cache=True)
+def row_events(maps, cameras, us, v, near, far, bias, exact):  # type: ignore[no-untyped-def]
+    """Events of one row of the pyramid in all maps: pixel int32, z float32, sign int8 (E,), and the steps walked.
+
+    maps float32 (N, h, w); cameras float64 (N, CAMERA); us float64 (W,), v: tangents of the pixel centres; near, far, bias: world
+    units.
+    """
+    size = 4 * len(us) + 64
+    pixel, z, sign = np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.int8)
+    count, walked = 0, 0
+    for i in range(len(maps)):
+        for column in range(len(us)):
+            ray = project(cameras[i], us[column], v, near, far)
+            if not ray[0]:
+                continue
+            ax, bx, ay, by, q_in, q_out = ray[1], ray[2], ray[3], ray[4], ray[7], ray[8]
+            dx = abs(int(np.floor(ax + bx * q_out)) - int(np.floor(ax + bx * q_in)))
+            dy = abs(int(np.floor(ay + by * q_out)) - int(np.floor(ay + by * q_in)))
+            # a texel gives at most two events; rounding may add one texel in x and one in y
+            need = count + 2 * (dx + dy + 4)
+            if need > size:
+                size = max(need, 2 * size)
+                pixel, z, sign = _longer(pixel, size), _longer(z, size), _longer(sign, size)
+            first = count
+            if exact:
+                count = walk_exact(maps[i], ray, near, far, bias, z, sign, count)
+                walked += dx + dy + 1
+            else:
+                count = walk_midpoint(maps[i], ray, near, far, bias, z, sign, count)
+                walked += max(dx, dy) + 1
+            pixel[first:count] = column
+    return pixel[:count].copy(), z[:count].copy(), sign[:count].copy(), walked
+
+
+@numba.njit(nogil=True, cache=True)
+def _longer(array, size):  # type: ignore[no-untyped-def]
+    longer = np.empty(size, array.dtype)
+    longer[: len(array)] = array
+    return longer
