@@ -45,7 +45,8 @@ def luxmeter(
 
 
 for command in (
-    doctor, scenes, methods, render, reference, evaluate, nightly, compare, accept, serve, worker, submit, status, cancel, retry, fetch,
+    doctor, scenes, methods, render, reference, evaluate, nightly, compare, accept,
+    serve, worker, submit, status, cancel, retry, fetch,
 ):  # fmt: skip
     app.command()(command)
 app.add_typer(token)

@@ -37,8 +37,8 @@ def serve(
         raise RequestError(f"{host} is reachable from elsewhere: make a token first (luxmeter token add NAME)")
     Store().check_writable()
     import uvicorn
-    from jobs.queue import JobQueue
 
+    from jobs.queue import JobQueue
     from service.http import logs
     from service.http.app import create_app
     from service.http.settings import ServerSettings
@@ -57,7 +57,6 @@ def serve(
 def worker() -> None:
     """Carry out what is queued until interrupted; what is running then is taken up by another worker, or at the next start."""
     from jobs.queue import Worker
-
     from service.http import logs
 
     logs.configure()

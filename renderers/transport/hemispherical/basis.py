@@ -122,7 +122,7 @@ def _evaluate(directions: Any, diagonal: Any, upward: Any, downward: Any, hemisp
             mu = min(max(x, 0.0), 1.0)
             stretch = 2 * np.sqrt(mu / (1 + mu))
             u, v, x = u * stretch, v * stretch, 2 * mu - 1
-        real, imaginary = 1.0, 0.0
+        real, imaginary = np.float64(1.0), np.float64(0.0)
         first: Any = start
         for m in range(len(diagonal)):
             if m > 0:
