@@ -37,6 +37,7 @@ def serve(
         raise RequestError(f"{host} is reachable from elsewhere: make a token first (luxmeter token add NAME)")
     Store().check_writable()
     import uvicorn
+
     from jobs.queue import JobQueue
 
     from service.http import logs
