@@ -56,7 +56,7 @@ def main() -> None:
         print(f"order {order:2d} environment to the frame of a point: {rate / 1e3:7.2f} k/s, conversion {share:.0%} of it")
         table = brdf_table(phong(15), order, 32)
         print(
-            f"order {order:2d} look-ups in a 32x32 BRDF table: {count / seconds(lambda t=table: t.lookup(directions)) / 1e6:7.2f} M/s"
+            f"order {order:2d} look-ups in a 32² BRDF table: {count / seconds(lambda t=table: t.lookup(directions)) / 1e6:7.2f} M/s"
         )
 
 

@@ -1,4 +1,4 @@
-"""Scenes as users name them: `cornell-box`, `cornell-box:light=area`, `path/to/file.glb`, a LUXMETER_SCENES folder, an upload."""
+"""Scenes as users name them: built in (`cornell-box:light=area`), a file, a folder under LUXMETER_SCENES, or an upload."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def test_submit_watch_and_read_the_report(page: Any, queue: FakeQueue, report: P
     squares = ".matrix .cell"
     assert page.locator(squares).all_inner_texts() == ["0 of 2", "0 of 2"]
     queue.set(id, "done", only=0)
-    page.wait_for_function("() => document.querySelector('.matrix .cell').textContent === '1 of 2'")
+    page.wait_for_function("() => document.querySelector('.matrix .cell')?.textContent === '1 of 2'")
     queue.folders[id] = report
     queue.set(id, "done")
     page.wait_for_selector("text=Report")
@@ -102,9 +102,11 @@ def test_submit_watch_and_read_the_report(page: Any, queue: FakeQueue, report: P
     page.wait_for_url("**/report/")
     assert "Speed against error" in page.inner_text("h1")
     page.locator(".viewer").first.scroll_into_view_if_needed()
-    page.wait_for_function("() => document.querySelector('.viewer .key').textContent.includes('left A')")
+    page.wait_for_function("() => document.querySelector('.viewer .key')?.textContent.includes('left A')")
     page.goto(f"/v1/evaluations/{id}/report")
-    page.wait_for_function("() => getComputedStyle(document.querySelector('.brand')).fontWeight === '600'")
+    page.wait_for_function(
+        "() => document.readyState === 'complete' && getComputedStyle(document.querySelector('.brand')).fontWeight === '600'"
+    )
     assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 0)")
 
 

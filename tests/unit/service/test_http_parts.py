@@ -1,8 +1,6 @@
-"""Parts of the HTTP interface by themselves: buckets, ranges, negotiation, the cells' table, comparisons, what a report links to."""
+"""Parts of the HTTP interface by themselves: buckets, ranges, negotiation, the cells' table, what a report links to."""
 
 from __future__ import annotations
-
-import io
 
 import pytest
 from hypothesis import given
@@ -31,13 +29,10 @@ def test_a_bucket_never_gives_more_than_burst_plus_rate_times_time(rate: float, 
         wait = buckets.take("a")
         given_out += wait == 0
         assert wait >= 0
-        # A refused client that waits as long as it was told gets one.
-        if wait:
-            again = Buckets(rate, burst, clock=lambda: now)
-            again._levels.update(buckets._levels)
+        if wait:  # a refused client that waits as long as it was told gets one
             now += wait + 1e-6
-            assert again.take("a") == 0
-            now -= wait + 1e-6
+            assert buckets.take("a") == 0
+            given_out += 1
     assert given_out <= burst + rate * now + 1e-6
 
 
@@ -51,26 +46,18 @@ def test_buckets_forget_the_longest_unseen() -> None:
     assert buckets.take("first") == 0
 
 
-@given(st.integers(0, 200), st.integers(0, 250), st.integers(0, 250))
+@given(st.integers(1, 200), st.integers(0, 250), st.integers(0, 250))
 def test_ranges_give_what_slices_give(size: int, a: int, b: int) -> None:
     content = bytes(k % 251 for k in range(size))
-    for header, part in (
-        (f"bytes={a}-{b}", content[a : b + 1]),
-        (f"bytes={a}-", content[a:]),
-        (f"bytes=-{a}", content[size - a if a < size else 0 :]),
-    ):
-        try:
-            found = parse_range(header, size)
-        except Problem as problem:
-            assert problem.name == "range-not-satisfiable"
-            assert part == b"" or header == "bytes=-0"
-            continue
-        if found is None:
-            assert a > b
+    expected: dict[str, bytes | None] = {f"bytes={a}-": content[a:], f"bytes=-{a}": content[max(size - a, 0) :]}
+    expected[f"bytes={a}-{b}"] = content[a : b + 1] if a <= b else None
+    for header, part in expected.items():
+        if part == b"":
+            with pytest.raises(Problem, match=f"the content has {size} bytes"):
+                parse_range(header, size)
         else:
-            file = io.BytesIO(content)
-            file.seek(found[0])
-            assert file.read(found[1] - found[0] + 1) == part
+            found = parse_range(header, size)
+            assert (None if found is None else content[found[0] : found[1] + 1]) == part
 
 
 @pytest.mark.parametrize(
@@ -99,8 +86,8 @@ def test_nothing_wanted_is_a_problem(accept: str) -> None:
 def cell(scene: str, label: str, seed: int, state: str) -> Cell:
     return Cell.model_validate(
         {
-            "id": f"{scene}.{label}.s{seed}", "scene": scene, "method": "ir", "label": label, "settings": {}, "seed": seed, "frame": 0,
-            "width": 8, "height": 6, "transport": "direct", "state": state,
+            "id": f"{scene}.{label}.s{seed}", "scene": scene, "method": "ir", "label": label, "settings": {}, "seed": seed,
+            "frame": 0, "width": 8, "height": 6, "transport": "direct", "state": state,
         }
     )  # fmt: skip
 
@@ -119,17 +106,21 @@ def test_the_matrix_counts_cells() -> None:
 def test_files_of_a_report() -> None:
     page = (
         '<link href="assets/report.css"><a href="#top"><a href="images/a%20b.exr"><img src="data:,">'
-        '<script type="application/json">{"frames": [{"images": [{"id": "s0-r0"}]}]}</script><script src="assets/viewer.js"></script>'
+        '<script type="application/json">{"frames": [{"images": [{"id": "s0-r0"}]}]}</script>'
+        '<script src="assets/viewer.js"></script>'
     )
     assert linked_files(page) == [
-        "assets/report.css", "images/a b.exr", "assets/data/s0-r0.js", "assets/thumbnails/s0-r0.png", "assets/viewer.js",
+        "assets/report.css", "images/a b.exr", "assets/data/s0-r0.js", "assets/thumbnails/s0-r0.png",
+        "assets/viewer.js",
     ]  # fmt: skip
     for bad in ("../../x", "https://evil.example/x", "a/../../x", "..%2fx"):
         with pytest.raises(ServiceError, match="outside"):
             linked_files(f'<a href="{bad}">')
 
 
-@pytest.mark.parametrize(("host", "own"), [("127.0.0.1", True), ("127.8.8.8", True), ("::1", True), ("localhost", True),
-                                           ("0.0.0.0", False), ("::", False), ("10.0.0.1", False), ("example.org", False)])  # fmt: skip
-def test_loopback_addresses(host: str, own: bool) -> None:
-    assert is_loopback(host) is own
+OWN, OTHERS = ("127.0.0.1", "127.8.8.8", "::1", "localhost"), ("0.0.0.0", "::", "10.0.0.1", "example.org")
+
+
+@pytest.mark.parametrize("host", [*OWN, *OTHERS])
+def test_loopback_addresses(host: str) -> None:
+    assert is_loopback(host) is (host in OWN)
