@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+import shlex
 import time
 import urllib.error
 import urllib.parse
@@ -43,6 +44,8 @@ def nightly(
     json: Json = False,
 ) -> int:
     """Render a suite, compare it with the accepted run and write a page that shows what changed. Exit code 1 on a regression."""
+    from reports import regression_page
+
     if webhook is not None:
         check_hook(webhook)
     wanted = suites.load(suite)
@@ -54,7 +57,10 @@ def nightly(
     baseline = _baseline(store.home, wanted.name)
     options = Options(command="luxmeter nightly", wall_s=timeout, memory_bytes=in_bytes(memory), max_seconds=max_seconds)
     with staged(folder, force=force) as stage:
-        run, comparison = _run(wanted.name, plans, stage, folder.name, baseline, options, quiet)
+        name = folder.resolve().name
+        accept = shlex.join(["luxmeter", "accept", name if out is None else str(out.resolve())])
+        run, comparison = _run(wanted.name, plans, stage, name, baseline, options, quiet)
+        regression_page.write(comparison, Path(baseline.folder) if baseline else None, stage, stage, accept)
     if json:
         print_json({"run": run.model_dump(), "folder": str(folder), "comparison": comparison.model_dump(mode="json")})
     else:
@@ -80,20 +86,18 @@ def _baseline(home: Path, suite: str) -> Baseline | None:
 def _run(
     suite: str, plans: dict[str, Plan], stage: Path, name: str, baseline: Baseline | None, options: Options, quiet: bool
 ) -> tuple[RunInfo, Comparison]:
-    """Evaluate every part into `stage`, compare, write the page and `run.json`."""
-    from reports import regression, regression_page
+    """Evaluate every part into `stage`, compare, write `run.json`."""
+    from reports import regression
 
     started, clock = datetime.now(UTC), time.monotonic()
     evaluations = [_evaluate(plan, stage / part, options, quiet) for part, plan in plans.items()]
-    before = Path(baseline.folder) if baseline else None
-    comparison = regression.compare(before, stage)
+    comparison = regression.compare(Path(baseline.folder) if baseline else None, stage)
     cells = [cell for evaluation in evaluations for cell in evaluation.cells]
     run = RunInfo(
         id=name, suite=suite, started=started.isoformat(timespec="seconds"), seconds=round(time.monotonic() - clock, 1),
         code=code_hash(), digest=digest(stage), cells=len(cells), failed=sum(cell.state == "failed" for cell in cells),
         baseline=baseline.id if baseline else None, counts=comparison.counts, regressed=comparison.regressed,
     )  # fmt: skip
-    regression_page.write(comparison, before, stage, stage, f"luxmeter accept {name}")
     write_model(stage / "run.json", run)
     return run, comparison
 

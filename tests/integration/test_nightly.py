@@ -92,6 +92,7 @@ def test_first_run_accept_repeat_regression(
     document = json.loads(capsys.readouterr().out)
     assert document["comparison"]["counts"] == {"unchanged": 4}
     assert document["run"]["baseline"] == "first"
+    assert f"luxmeter accept {tmp_path / 'second'}" in (tmp_path / "second" / "index.html").read_text()
     renderer.disturb = brighter
     assert nightly(suite, tmp_path / "third") == 1
     said = capsys.readouterr().out
