@@ -1,4 +1,4 @@
-"""Forward light cuts beside instant radiosity on this machine's CPU: `python -m benchmarks.flc`. Pairs lit, seconds, and their ratios."""
+"""Forward light cuts beside instant radiosity on the CPU: `python -m benchmarks.flc`. Pairs lit, seconds, and their ratios."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ def main() -> None:
         for index, (kind, settings) in enumerate(cases):
             counters = best[index].counters
             print(
-                f"{name} {kind} {settings}: {seconds(best[index]):.3f} CPU s, {counters['light_evaluations'] / 1e6:.1f} M evaluations, "
+                f"{name} {kind} {settings}: {seconds(best[index]):.3f} CPU s, "
+                f"{counters['light_evaluations'] / 1e6:.1f} M evaluations, "
                 f"{counters.get('pixels_touched', 0) / 1e6:.1f} M lit, {seconds(best[index]) / seconds(best[0]):.2f} of ir's time"
             )
 
