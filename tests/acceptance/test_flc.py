@@ -35,7 +35,7 @@ FAMILIES: dict[str, Family] = {
     "c-1": DiscreteLevels(AREAS, SHARES, smooth=False),
     "ridge": RidgeLevels(np.log(3), 1 / np.log(2), 5.09 / RADIUS**2),
 }
-SEEDS = 240
+SEEDS = 160
 EPS_B = 0.01 / RADIUS**2
 
 
@@ -110,7 +110,7 @@ def runs(name: str, count: int, seeds: int) -> tuple[np.ndarray, np.ndarray]:
 def test_ac_14_error_is_that_of_the_variance_formula(name: str, count: int) -> None:
     """RMS over seeds and pixels against sqrt(mean (∫ M (Lh)²/μ - T²) / N), ±10 %.
 
-    The mean square of SEEDS seeds has a standard error of about 5 % (measured), its root 2.5 %; the quadrature adds 1 %."""
+    The mean square of SEEDS seeds has a standard error of about 6 % (measured), its root 3 %; the quadrature adds 1 %."""
     truth, second, _ = moments(name)
     images, _ = runs(name, count, SEEDS)
     predicted = np.sqrt(np.mean(second - truth**2) / count)
@@ -121,7 +121,7 @@ def test_ac_14_error_is_that_of_the_variance_formula(name: str, count: int) -> N
 def test_ac_14_error_falls_with_the_square_root_of_n(name: str) -> None:
     truth = moments(name)[0]
     rms = [np.sqrt(np.mean((runs(name, n, SEEDS)[0] - truth) ** 2)) for n in (512, 2048)]
-    # Each RMS has a standard error of 2.5 %, so the slope over a factor of 4 one of √2 · 0.025 / ln 4 = 0.026.
+    # Each RMS has a standard error of 3 %, so the slope over a factor of 4 one of √2 · 0.03 / ln 4 = 0.03.
     assert np.log(rms[1] / rms[0]) / np.log(4) == pytest.approx(-0.5, abs=0.1)
 
 
@@ -192,7 +192,7 @@ def test_ac_28_linked_levels_cost_the_same_at_any_n() -> None:
         settings = METHOD.resolve(scene, FlcSettings(vpls=count, epsilon_omega=0.05), CPU)
         FAMILIES["linked"] = family_of(scene, settings)
         moments.cache_clear()
-        truth, second, touched = moments("linked")
+        truth, second, touched = moments("linked", 1 << 13)  # one set for both: their ratio needs no more
         costs.append(count * touched.mean())
         errors.append(np.sqrt(np.mean(second - truth**2) / count) / truth.mean())
     del FAMILIES["linked"]
