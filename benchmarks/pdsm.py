@@ -1,6 +1,7 @@
 """Penumbra deep shadow maps: seconds of construction against samples and resolution, and lookups per second.
 
-Run on an idle machine: `python benchmarks/pdsm.py`. Prints medians; construction is linear in N, quadratic in the pyramid's resolution.
+Run on an idle machine: `python benchmarks/pdsm.py`. Prints medians; construction is linear in N, quadratic in the pyramid's
+resolution.
 """
 
 from __future__ import annotations

@@ -76,6 +76,9 @@ def lit_by(kind: str) -> Scene:
     b.quad([(-0.5, 0.7, 0.5), (0.5, 0.7, 0.5), (0.5, 0.7, -0.5), (-0.5, 0.7, -0.5)], b.material(Lambert("card", (0.0, 0.0, 0.0))))
     if kind == "disc":
         b.light(DiscLight(radius=0.4, intensity=4.0), (0.2, 2.0, 0.1), look_rotation(np.array([0.0, -1, 0])))
+    elif kind == "two-sided":
+        lamp = b.material(Lambert("lamp", (0.0, 0.0, 0.0), emission=(4.0, 4.0, 4.0), double_sided=True))
+        b.quad([(-0.2, 1.6, 0.1), (0.3, 1.6, 0.1), (0.3, 2.1, 0.1), (-0.2, 2.1, 0.1)], lamp)
     elif kind == "sphere":
         b.light(SphereLight(radius=0.3, intensity=4.0), (0.2, 2.0, 0.1))
     else:
@@ -87,7 +90,7 @@ def lit_by(kind: str) -> Scene:
     return b.build()
 
 
-@pytest.mark.parametrize("kind", ["disc", "sphere", "mesh"])
+@pytest.mark.parametrize("kind", ["disc", "sphere", "mesh", "two-sided"])
 def test_9_11_other_lamps(kind: str) -> None:
     """9.11: disc, spherical and mesh lamps agree with direct light by shadow rays at every pixel, far samples included."""
     scene = lit_by(kind)
