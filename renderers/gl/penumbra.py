@@ -1,0 +1,68 @@
+"""Lookup of packed attenuation functions in a fragment shader: an index texture and a vertex texture (St-Amour 2004 §4.3).
+
+The published fixed slots make every pixel pay for the longest function; here each has as many vertices as it needs, found by a binary
+search. Twin of `renderers.transport.penumbra.lookup`.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.gl import passes
+from renderers.gl.context import context
+from renderers.gl.programs import assign, program
+
+ROW = 4096
+
+
+class PenumbraTextures:
+    """Functions of one pyramid on the GPU; a context manager that deletes the textures.
+
+    size: (width, height) pixels. grid: u_0, v_0, pitch, tangents. span: near, far, World units. start int (width · height + 1,), depth
+    and value float32 (M,), as in a penumbra deep shadow map.
+    """
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        grid: tuple[float, float, float],
+        span: tuple[float, float],
+        start: NDArray[np.int64],
+        depth: NDArray[np.float32],
+        value: NDArray[np.float32],
+    ) -> None:
+        ctx = context()
+        self._grid, self._span = grid, span
+        index = np.stack([start[:-1], np.diff(start)], axis=1).astype(np.int32)
+        self._index = ctx.texture(size, 2, index.tobytes(), dtype="i4")
+        rows = max(-(-len(depth) // ROW), 1)
+        packed = np.zeros((rows * ROW, 2), np.float32)
+        packed[: len(depth), 0], packed[: len(depth), 1] = depth, value
+        self._vertices = ctx.texture((ROW, rows), 2, packed.tobytes(), dtype="f4")
+
+    def __enter__(self) -> PenumbraTextures:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._index.release()
+        self._vertices.release()
+
+    def hidden(self, points: NDArray[np.floating], *, bilinear: bool = True) -> NDArray[np.float32]:
+        """Hidden share at points (H, W, 3) of the pyramid's frame, float32 (H, W); -1 outside of the pyramid. Raises GLError."""
+        height, width = points.shape[:2]
+        four = np.zeros((height, width, 4), np.float32)
+        four[..., :3] = points
+        where = context().texture((width, height), 4, four.tobytes(), dtype="f4")
+        target = passes.framebuffer([context().texture((width, height), 1, dtype="f4")])
+        shader = program("fullscreen.vert.glsl", "penumbra.frag.glsl", "", (f"ROW {ROW}", *(("BILINEAR",) if bilinear else ())))
+        for unit, (name, texture) in enumerate((("points", where), ("index", self._index), ("vertices", self._vertices))):
+            texture.use(unit)
+            assign(shader, **{name: unit})
+        assign(shader, grid=self._grid, range=self._span)
+        passes.draw_fullscreen(target, shader, "penumbra lookup")
+        image = np.array(passes.read(target.color_attachments[0])[..., 0])
+        passes.release(target, *target.color_attachments, where)
+        return image
