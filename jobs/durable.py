@@ -143,7 +143,7 @@ class Engine:
                 config={
                     "name": NAME, "system_database_url": _address(self.url), "executor_id": self.executor, "serializer": Json(),
                     "application_version": VERSION, "log_level": "ERROR", "scheduler_polling_interval_sec": 2.0,
-                    "notification_listener_polling_interval_sec": 5.0, "use_listen_notify": False,
+                    "notification_listener_polling_interval_sec": self.poll_s, "use_listen_notify": False,
                 }
             )  # fmt: skip
             _engine = self

@@ -46,7 +46,8 @@ class Records:
             "order": order.model_dump_json(), "total": len(nodes), "events": 0,
         }  # fmt: skip
         with self.transaction() as c:
-            if not c.execute(self._insert(EVALUATIONS).values(row).on_conflict_do_nothing()).rowcount:
+            new = self._insert(EVALUATIONS).values(row).on_conflict_do_nothing().returning(EVALUATIONS.c.id)
+            if c.execute(new).scalar() is None:
                 return False
             c.execute(
                 sa.insert(NODES),

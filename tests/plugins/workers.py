@@ -1,7 +1,8 @@
 """Workers that tests start, kill and stop. A server imports everything once and forks a worker for each request, which takes 0.1 s.
 
 The server is `python workers.py`; one JSON object a line on its standard input says what to start: `Spec`. It answers the
-worker's process id. Renders and references of these workers are flat images made in the worker itself, in no time, unless `real` is asked for.
+worker's process id. Renders and references of these workers are flat images made in the worker itself, in no time, unless `real` is
+asked for.
 """
 
 from __future__ import annotations
@@ -155,8 +156,7 @@ class Server:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        for pid in self._workers:
-            self.kill(pid)
+        self.end_workers()
         self._server.stdin.close()
         self._server.wait(10)
         self._server.stdout.close()
@@ -168,6 +168,14 @@ class Server:
         pid = int(self._server.stdout.readline())
         self._workers.append(pid)
         return pid
+
+    def end_workers(self) -> None:
+        """Kill all workers that were started."""
+        for pid in self._workers:
+            self.kill(pid)
+        while any(map(alive, self._workers)):
+            time.sleep(0.02)
+        self._workers.clear()
 
     def kill(self, pid: int, number: int = signal.SIGKILL) -> None:
         """Signal a worker that may be gone already."""
