@@ -84,7 +84,7 @@ def test_ac_32_kernels_match_the_double_loop(name: str, scene: str, occluded: bo
 
 @pytest.mark.parametrize("occluded", [False, True])
 def test_ac_23_one_level_is_instant_radiosity(occluded: bool) -> None:
-    """Light by light, so without another order of summation. Both kernels may fuse their some ten operations differently (1e-6), and
+    """Light by light, so without another order of summation. Both kernels may fuse their some ten operations differently (1e-6);
     where n·v is small it has an absolute error of 2e-7 |v|: 1e-6 of what a facing receiver would get. The method itself has the
     bytes of `ir` (test_flc.py)."""
     world, family, vpls = renderers.load_scene("cornell-box").world(), FAMILIES["one"], lights(40)
