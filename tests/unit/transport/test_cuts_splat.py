@@ -84,8 +84,9 @@ def test_ac_32_kernels_match_the_double_loop(name: str, scene: str, occluded: bo
 
 @pytest.mark.parametrize("occluded", [False, True])
 def test_ac_23_one_level_is_instant_radiosity(occluded: bool) -> None:
-    """Light by light, so without another order of summation. Both kernels may fuse their some ten operations differently, and n·v
-    loses digits where it is small: 1e-5 (measured 1.05e-6). The method itself has the bytes of `ir` (test_flc.py)."""
+    """Light by light, so without another order of summation. Both kernels may fuse their some ten operations differently (1e-6);
+    where n·v is small it has an absolute error of 2e-7 |v|: 1e-6 of what a facing receiver would get. The method itself has the
+    bytes of `ir` (test_flc.py)."""
     world, family, vpls = renderers.load_scene("cornell-box").world(), FAMILIES["one"], lights(40)
     g = cast_gbuffer(world, SIZE)
     caster = caster_of(world) if occluded else None
@@ -93,7 +94,7 @@ def test_ac_23_one_level_is_instant_radiosity(occluded: bool) -> None:
         one = Vpls(vpls.positions[n : n + 1], vpls.normals[n : n + 1], vpls.intensities[n : n + 1], np.zeros(1, np.int64), 1)
         ours = splat(g, world, light_rows(one, family, np.ones(1)), family, 1e-4, caster)
         theirs = gather(g, world, one.positions, one.normals, one.intensities, 1e-4, caster)
-        np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=0)
+        np.testing.assert_allclose(ours, theirs, rtol=3e-6, atol=1e-6 * theirs.max())
 
 
 def test_work_follows_the_supports() -> None:
