@@ -94,7 +94,8 @@ def lit_by(kind: str) -> Scene:
 def test_9_11_other_lamps(kind: str) -> None:
     """9.11: disc, spherical, mesh and two-sided lamps against the share of 1,024 light points that shadow rays find hidden.
 
-    Where separating that share from the light is harmless (a small, round lamp), against direct light by rays at every pixel as well.
+    Where separating that share from the light is harmless (a small, round lamp), against direct light by rays at every pixel as
+    well.
     """
     scene = lit_by(kind)
     world = scene.world()
