@@ -1,7 +1,7 @@
 """Lookup of packed attenuation functions in a fragment shader: an index texture and a vertex texture (St-Amour 2004 §4.3).
 
-The published fixed slots make every pixel pay for the longest function; here each has as many vertices as it needs, found by a binary
-search. Twin of `renderers.transport.penumbra.lookup`.
+The published fixed slots make every pixel pay for the longest function; here each has as many vertices as it needs, found by a
+binary search. Twin of `renderers.transport.penumbra.lookup`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ ROW = 4096
 class PenumbraTextures:
     """Functions of one pyramid on the GPU; a context manager that deletes the textures.
 
-    size: (width, height) pixels. grid: u_0, v_0, pitch, tangents. span: near, far, World units. start int (width · height + 1,), depth
-    and value float32 (M,), as in a penumbra deep shadow map.
+    size: (width, height) pixels. grid: u_0, v_0, pitch, tangents. span: near, far, World units. start int (width · height + 1,),
+    depth and value float32 (M,), as in a penumbra deep shadow map.
     """
 
     def __init__(

@@ -22,8 +22,8 @@ cast.
 | epsilon        | 0.02     | 1    | 0.0001 … 0.5                     | tolerance of the compression                               |
 | filter         | bilinear |      | bilinear, nearest                | between functions of neighbouring pixels                   |
 | bias           | 0.001    | r    | 0 … 1                            | added to all depths, in scene radii                        |
-| slope_bias     | 0.02     | r    | 0 … 1                            | largest bias of slanted surfaces, in scene radii           |
-| normal_offset  | 1.0      | px   | 0 … 8                            | lookup off the surface, in pixel footprints                |
+| slope_bias     | 0.05     | r    | 0 … 1                            | largest bias of slanted surfaces, in scene radii           |
+| normal_offset  | 0.25     | px   | 0 … 8                            | lookup off the surface, in pixel footprints                |
 | near           | 1.0      | 1    | 0.01 … 100                       | near plane's distance from the light, in its half sizes    |
 | lights         | 8        | 1    | 1 … 64                           | brightest area lights with maps; others are ray cast |
 | light_samples  | 64       | 1    | 1 … 4096                         | samples per pixel of the unshadowed light                  |
@@ -60,8 +60,8 @@ class PdsmSettings(SoftShadowSettings):
     filter: Literal["bilinear", "nearest"] = setting(
         "bilinear", "between functions of neighbouring pixels", source="St-Amour 2004 §4.1"
     )
-    slope_bias: float = setting(0.02, "largest additional bias of slanted surfaces, in scene radii", unit="r", ge=0, le=1)
-    normal_offset: float = setting(1.0, "lookup off the surface, in footprints of a pyramid's pixel", unit="px", ge=0, le=8)
+    slope_bias: float = setting(0.05, "largest additional bias of slanted surfaces, in scene radii", unit="r", ge=0, le=1)
+    normal_offset: float = setting(0.25, "lookup off the surface, in footprints of a pyramid's pixel", unit="px", ge=0, le=8)
     memory: int = setting(
         1024, "bound on shadow maps and events that live at a time", unit="MiB", source="St-Amour 2004 §3.4", ge=1, le=65536
     )

@@ -13,8 +13,8 @@ pytestmark = pytest.mark.gl
 def test_a22_linear_encoding(bilinear: bool) -> None:
     """A22: 10⁻⁴ from the CPU's answer, covered or not.
 
-    Single precision moves tangents and depth by 1e-6 of their size: where a function jumps, or nearest pixels change, that flips a value.
-    With 64 jumps and edges in reach of a point, 1e-4 of random points are that near to one.
+    Single precision moves tangents and depth by 1e-6 of their size: where a function jumps, or nearest pixels change, that
+    flips a value. With 64 jumps and edges in reach of a point, 1e-4 of random points are that near to one.
     """
     from renderers.gl.penumbra import PenumbraTextures
 
