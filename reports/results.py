@@ -11,8 +11,8 @@ class Result(BaseModel):
     """One row. `metrics` holds `matched` and `full` (each metric id → number), and is empty before the comparison.
 
     `noise_floor`: metrics that the reference's own noise alone produces, against itself, keyed like `metrics`.
-    `timings` are `Timing`s as dicts, measured in `run` (an evaluation's run; empty outside one); `device`: gl, cpu, threads, mitsuba;
-    `label` tells settings of one method apart in tables.
+    `timings` are `Timing`s as dicts, measured in `run` (an evaluation's run; empty outside one);
+    `device`: gl, cpu, threads, mitsuba; `label` tells settings of one method apart in tables.
     """
 
     model_config = ConfigDict(extra="forbid")

@@ -119,7 +119,7 @@ def _evaluate(directions: Any, diagonal: Any, upward: Any, downward: Any, hemisp
     for i in range(len(directions)):
         u, v, x = np.float64(directions[i, 0]), np.float64(directions[i, 1]), np.float64(directions[i, 2])
         if hemisphere:
-            mu = min(max(x, 0.0), 1.0)
+            mu = np.minimum(np.maximum(x, 0.0), 1.0)
             stretch = 2 * np.sqrt(mu / (1 + mu))
             u, v, x = u * stretch, v * stretch, 2 * mu - 1
         real, imaginary = np.float64(1.0), np.float64(0.0)
