@@ -216,11 +216,11 @@ def test_a15_a16_a18_convergence() -> None:
 @pytest.mark.slow
 def test_a17_bilinear_is_better_than_nearest() -> None:
     """A17: at every resolution, by half at 32 pixels."""
-    where = floor_points(100)
-    truth = hidden_share(BLOCKERS, where, 96)
-    points = light_points(64)
-    for resolution in (32, 64, 128, 256):
-        made, *_ = constructed(BLOCKERS, points, resolution, 512, PLAIN)
+    where = floor_points(40)
+    truth = hidden_share(BLOCKERS, where, 48)
+    points = light_points(36)
+    for resolution in (32, 64, 128):
+        made, *_ = constructed(BLOCKERS, points, resolution, 256, PLAIN)
         soft, hard = (np.sqrt(((made.hidden(where, f) - truth) ** 2).mean()) for f in ("bilinear", "nearest"))  # type: ignore[arg-type]
         assert soft <= hard
         if resolution == 32:

@@ -1,0 +1,64 @@
+"""Bad scene files through the real command: loadable ones render to finite images, the others end in one line, fast, leaving nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderers.images import read_exr
+
+# What each file of the collection is answered with: a note of the result, or the reason of the refusal.
+LOADABLE = {
+    "00_good": "", "02_inf_and_zero_normals": "normal", "03_zero_area": "zero-area", "13_no_camera": "camera", "14_no_light": "light",
+    "17_duplicate_faces": "duplicate", "18_flipped_normals": "winding", "19_non_indexed": "", "20_deep_nesting_5000": "",
+}  # fmt: skip
+REFUSED = (
+    "01_nan_position", "04_index_out_of_range", "05_truncated", "06_truncated_header", "07_lying_total_length", "08_lying_chunk_length",
+    "09_lying_accessor_count", "10_path_traversal_uri", "11_http_uri", "12_empty_scene", "15_scale_1e30", "16_scale_1e-30",
+    "21_cyclic_nodes", "22_node_two_parents", "23_zero_fov", "24_unknown_required_extension", "25_not_a_glb", "26_json_nan",
+)  # fmt: skip
+
+
+def render(file: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    command = "from service.cli import main; main()"
+    arguments = ["render", str(file), "--method", "ir", "--set", "vpls=64", "--size", "32x24", "--out", str(out), "--json"]
+    return subprocess.run([sys.executable, "-c", command, *arguments], capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.fixture
+def broken(scene_folder: Path) -> Path:
+    return scene_folder / "broken"
+
+
+@pytest.mark.parametrize("name", LOADABLE)
+def test_loadable_files_render(name: str, broken: Path, tmp_path: Path) -> None:
+    done = render(broken / f"{name}.glb", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    image = read_exr(tmp_path / "out" / "frame.exr")[0]["beauty"]
+    assert np.isfinite(image).all()
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert LOADABLE[name] in " ".join(result["notes"])
+    assert image.any() == (name != "14_no_light")
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_the_others_are_refused_in_one_line(name: str, broken: Path, tmp_path: Path) -> None:
+    before = os.times()
+    start = time.monotonic()
+    done = render(broken / f"{name}.glb", tmp_path / "out")
+    wall = time.monotonic() - start
+    after = os.times()
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+    # CPU seconds of the command: what it takes on an idle machine, whatever else runs here.
+    spent = after.children_user + after.children_system - before.children_user - before.children_system
+    assert min(wall, spent) < 1.0
