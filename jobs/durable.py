@@ -295,10 +295,11 @@ def evaluate(id: str, attempt: int) -> None:
 
 def _evaluate(id: str, attempt: int) -> None:
     ended, priority = begin(id, attempt)
-    waiting = [node for node in graph(current().plan_of(id)[0]) if node.id not in set(ended)]
+    plan, order = current().plan_of(id)
     done, running = set(ended), dict[str, Node]()
+    waiting = [node for node in graph(plan) if node.id not in done]
     while waiting or running:
-        for node in startable(waiting, done, running):
+        for node in startable(waiting, done, running, order.references_first):
             waiting.remove(node)
             running[node.id] = node
             with SetWorkflowID(workflow_id(id, attempt, node.id)), SetEnqueueOptions(priority=priority + 1):
@@ -310,11 +311,13 @@ def _evaluate(id: str, attempt: int) -> None:
     conclude(id, attempt, None)
 
 
-def startable(waiting: Sequence[Node], done: set[str], running: dict[str, Node]) -> list[Node]:
+def startable(waiting: Sequence[Node], done: set[str], running: Mapping[str, Node], references_first: bool) -> list[Node]:
     """Nodes to enqueue now: all light ones that can start, and others while there is room in the window."""
     ready = [node for node in waiting if done.issuperset(node.after)]
     room = WINDOW - sum(node.queue != "light" for node in running.values())
     heavy = [node for node in ready if node.queue != "light"]
+    if references_first and any(node.queue == "reference" for node in (*waiting, *running.values())):
+        heavy = [node for node in heavy if node.queue == "reference"]
     return [node for node in ready if node.queue == "light"] + heavy[: max(room, 0)]
 
 
