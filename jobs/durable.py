@@ -11,7 +11,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import lru_cache
@@ -176,7 +176,7 @@ class Engine:
         """Do one node's work in this thread; raises Stopped when this worker ends first."""
         plan, order = self.plan_of(id)
         node = next(node for node in graph(plan) if node.id == name)
-        watched = Watched(id, attempt, workflow_id(id, attempt, name), always=name == REPORT)
+        watched = Watched(id, attempt, workflow_id(id, attempt, name), always=node.queue == "light")
         with self._lock:
             self._watched[watched.workflow] = watched
         try:
@@ -188,6 +188,8 @@ class Engine:
                 self.bench, asked=lambda: self._asked(watched), progress=lambda detail: self._progress(id, node, detail)
             )
             reach(f"{node.kind} before work")
+            if not watched.always and not self.records.wanted(id, attempt):
+                return CANCELLED
             return carry_out(plan, order, node, after, bench)
         finally:
             with self._lock:
@@ -293,26 +295,29 @@ def evaluate(id: str, attempt: int) -> None:
 
 def _evaluate(id: str, attempt: int) -> None:
     ended, priority = begin(id, attempt)
-    waiting = [node for node in graph(current().plan_of(id)[0]) if node.id not in set(ended)]
+    plan, order = current().plan_of(id)
     done, running = set(ended), dict[str, Node]()
+    waiting = [node for node in graph(plan) if node.id not in done]
     while waiting or running:
-        for node in startable(waiting, done, running):
+        for node in startable(waiting, done, running, order.references_first):
             waiting.remove(node)
             running[node.id] = node
             with SetWorkflowID(workflow_id(id, attempt, node.id)), SetEnqueueOptions(priority=priority + 1):
                 DBOS.enqueue_workflow(node.queue, work, id, attempt, node.id)
-        for name in await_end(id, attempt, sorted(running), [node.id for node in waiting if node.id != REPORT]):
+        for name in await_end(id, attempt, sorted(running)):
             done.add(name)
             running.pop(name, None)
             waiting = [node for node in waiting if node.id != name]
     conclude(id, attempt, None)
 
 
-def startable(waiting: Sequence[Node], done: set[str], running: dict[str, Node]) -> list[Node]:
+def startable(waiting: Sequence[Node], done: set[str], running: Mapping[str, Node], references_first: bool) -> list[Node]:
     """Nodes to enqueue now: all light ones that can start, and others while there is room in the window."""
     ready = [node for node in waiting if done.issuperset(node.after)]
     room = WINDOW - sum(node.queue != "light" for node in running.values())
     heavy = [node for node in ready if node.queue != "light"]
+    if references_first and any(node.queue == "reference" for node in (*waiting, *running.values())):
+        heavy = [node for node in heavy if node.queue == "reference"]
     return [node for node in ready if node.queue == "light"] + heavy[: max(room, 0)]
 
 
@@ -327,9 +332,10 @@ def begin(id: str, attempt: int) -> tuple[list[str], int]:
 
 
 @DBOS.step(name="await_end")
-def await_end(id: str, attempt: int, running: list[str], waiting: list[str]) -> list[str]:
-    """Wait until one of the running nodes has ended; all that have. When the evaluation is cancelled, all end but the report."""
+def await_end(id: str, attempt: int, running: list[str]) -> list[str]:
+    """Wait until one of the running nodes has ended; all that have. When the evaluation is cancelled, also what was withdrawn."""
     engine = current()
+    engine.records.ready(id, attempt, running)
     reach("evaluation waiting")
     while True:
         if engine.stopping.is_set():
@@ -337,8 +343,7 @@ def await_end(id: str, attempt: int, running: list[str], waiting: list[str]) -> 
         states = {row["node"]: row["state"] for row in engine.records.nodes(id, "node", "state")}
         found = [name for name in running if states[name] not in ("queued", "running")]
         if not engine.records.wanted(id, attempt):
-            _withdraw(engine, id, attempt, [*(name for name in running if states[name] == "queued" and name != REPORT), *waiting])
-            found += [name for name in waiting if name not in found]
+            found += [name for name in _withdraw(engine, id, attempt, states) if name not in found]
         if found:
             return found
         _bury(engine, id, attempt, running)
@@ -346,12 +351,21 @@ def await_end(id: str, attempt: int, running: list[str], waiting: list[str]) -> 
             engine.news.wait(engine.poll_s)
 
 
-def _withdraw(engine: Engine, id: str, attempt: int, names: list[str]) -> None:
-    """End nodes that no worker has begun."""
+def _withdraw(engine: Engine, id: str, attempt: int, states: Mapping[str, str]) -> list[str]:
+    """End nodes of a cancelled evaluation that no worker has begun; their names."""
+    names = withdrawable(graph(engine.plan_of(id)[0]), states)
     if names:
         DBOS.cancel_workflows([workflow_id(id, attempt, name) for name in names])
         for name in names:
             engine.ended(id, attempt, name, CANCELLED)
+    return names
+
+
+def withdrawable(nodes: Sequence[Node], states: Mapping[str, str]) -> list[str]:
+    """Nodes of a cancelled evaluation that needn't be done: what renders was done is still compared, and the report written."""
+    lost = {node.id for node in nodes if node.queue != "light" and states[node.id] != "done"}
+    lost |= {node.id for node in nodes if node.id != REPORT and not lost.isdisjoint(node.after)}
+    return [node.id for node in nodes if node.id in lost and states[node.id] == "queued"]
 
 
 def _bury(engine: Engine, id: str, attempt: int, running: list[str]) -> None:
@@ -392,8 +406,6 @@ def work(id: str, attempt: int, name: str) -> None:
 def do(id: str, attempt: int, name: str) -> dict[str, Any]:
     """The outcome of a node's work, recorded once, by the execution that owns the workflow."""
     engine = current()
-    if name != REPORT and not engine.records.wanted(id, attempt):
-        return CANCELLED.model_dump(mode="json")
     outcome = engine.work(id, attempt, name)
     reach(f"{name.partition(':')[0]} after work")
     return outcome.model_dump(mode="json")

@@ -61,7 +61,8 @@ class Options:
     @property
     def how(self) -> dict[str, Any]:
         """What an Order says besides the plan."""
-        return {name: getattr(self, name) for name in ("command", "repeats", "wall_s", "memory_bytes", "max_seconds", "reuse")}
+        names = ("command", "repeats", "wall_s", "memory_bytes", "max_seconds", "reuse")
+        return {name: getattr(self, name) for name in names} | {"references_first": True}
 
 
 def evaluate(plan: Plan, folder: Path, options: Options | None = None, notify: Callable[[Event], None] | None = None) -> Evaluation:

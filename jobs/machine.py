@@ -11,7 +11,7 @@ import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 POLL_S = 0.03
@@ -36,24 +36,38 @@ def only_one(path: Path) -> Iterator[bool]:
         os.close(handle)
 
 
+def let_go(folder: Path) -> None:
+    """Take the machine from whoever holds it: a process that is stopped, not dead, would keep it for ever. Its work is given up."""
+    for name in ("room.lock", "turn.lock"):
+        (folder / name).unlink(missing_ok=True)
+
+
 @contextmanager
 def _locked(path: Path, *, shared: bool, stop: Callable[[], None], turn: Path | None = None) -> Iterator[None]:
-    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    with nullcontext() if turn is None else _locked(turn, shared=False, stop=stop):
+        handle = _wait(path, fcntl.LOCK_SH if shared else fcntl.LOCK_EX, stop)
     try:
-        if turn is None:
-            _wait(handle, shared, stop)
-        else:
-            with _locked(turn, shared=False, stop=stop):
-                _wait(handle, shared, stop)
         yield
     finally:
         os.close(handle)
 
 
-def _wait(handle: int, shared: bool, stop: Callable[[], None]) -> None:
-    while not _try(handle, fcntl.LOCK_SH if shared else fcntl.LOCK_EX):
+def _wait(path: Path, kind: int, stop: Callable[[], None]) -> int:
+    """A descriptor that holds the lock on the file that `path` names now: `let_go` makes it another one."""
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        if _try(handle, kind) and _is(handle, path):
+            return handle
+        os.close(handle)
         stop()
         time.sleep(POLL_S)
+
+
+def _is(handle: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _try(handle: int, kind: int) -> bool:

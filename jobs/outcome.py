@@ -16,7 +16,8 @@ class Order(BaseModel):
     """How to carry a plan out. `plan` is its artefact; `run` tells timings of this run from those of others.
 
     repeats: renders of a frame; wall_s, memory_bytes: limits of each child (None: the worker's own); max_seconds: of a reference;
-    reuse: whether renders that the store holds are taken from there instead of being timed anew.
+    reuse: whether renders that the store holds are taken from there instead of being timed anew. references_first: renders wait
+    for all references, which costs nothing where one machine does both, and leaves more compared when it is interrupted.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -30,6 +31,7 @@ class Order(BaseModel):
     memory_bytes: int | None = None
     max_seconds: float | None = None
     reuse: bool = True
+    references_first: bool = False
 
 
 class Outcome(BaseModel):

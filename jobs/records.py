@@ -152,10 +152,11 @@ class Records:
             self._say(c, id, {"type": "evaluation", "state": "queued"})
             return int(attempt)
 
-    def ready(self, id: str, attempt: int, node: str) -> None:
-        """A node waits in its queue from now on."""
+    def ready(self, id: str, attempt: int, nodes: Sequence[str]) -> None:
+        """Nodes that wait in their queues from now on, where it isn't known that they did before."""
+        where = (NODES.c.evaluation == id, NODES.c.attempt == attempt, NODES.c.node.in_(nodes), NODES.c.ready.is_(None))
         with self.transaction() as c:
-            self._node(c, id, attempt, node, ("queued",), ready=time.time())
+            c.execute(sa.update(NODES).where(*where).values(ready=time.time()))
 
     def start(self, id: str, attempt: int, node: str, worker: str, event: dict[str, Any]) -> None:
         """A worker has taken a node."""

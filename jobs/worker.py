@@ -20,7 +20,7 @@ from pathlib import Path
 from jobs.artifacts import Artifacts
 from jobs.durable import Client, Engine, Observer
 from jobs.errors import StoreError
-from jobs.machine import only_one
+from jobs.machine import let_go, only_one
 from jobs.process import run_task
 from jobs.records import Records
 from jobs.store import Store
@@ -108,6 +108,8 @@ class Worker:
                 dead = self.records.beat(engine.executor, started, self.lease_s)
                 if dead:
                     log.warning("taking over from %s", ", ".join(dead))
+                    if any(_is_of(name, self.home.home) for name in dead):
+                        let_go(self.home.home / "machine")
                     engine.recover(dead)
                 for row in self.records.page("queued", 1000, None):  # a submitter may have died before it enqueued
                     client.enqueue(row["id"], row["attempt"], row["priority"])
@@ -126,6 +128,11 @@ def _place(home: Path) -> Iterator[str]:
                 yield f"{socket.gethostname()}-{_name_of(home)}-{number}"
                 return
     raise RuntimeError(f"{MOST_WORKERS} workers have {home} already")
+
+
+def _is_of(executor: str, home: Path) -> bool:
+    """Whether this worker's data folder is that worker's too."""
+    return executor.rsplit("-", 2)[1] == _name_of(home)
 
 
 def _name_of(home: Path) -> str:

@@ -1,4 +1,4 @@
-"""Bad scene files through the real command: loadable ones render to finite images, the others end in one line, fast, leaving nothing."""
+"""Bad scene files through the real command: loadable ones render to finite images, the others end in one line and leave nothing."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from renderers.images import read_exr
 
 # What each file of the collection is answered with: a note of the result, or the reason of the refusal.
 LOADABLE = {
-    "00_good": "", "02_inf_and_zero_normals": "normal", "03_zero_area": "zero-area", "13_no_camera": "camera", "14_no_light": "light",
+    "00_good": "", "02_inf_and_zero_normals": "normal", "03_zero_area": "zero-area", "13_no_camera": "camera",
+    "14_no_light": "light",
     "17_duplicate_faces": "duplicate", "18_flipped_normals": "winding", "19_non_indexed": "", "20_deep_nesting_5000": "",
 }  # fmt: skip
 REFUSED = (
-    "01_nan_position", "04_index_out_of_range", "05_truncated", "06_truncated_header", "07_lying_total_length", "08_lying_chunk_length",
+    "01_nan_position", "04_index_out_of_range", "05_truncated", "06_truncated_header", "07_lying_total_length",
+    "08_lying_chunk_length",
     "09_lying_accessor_count", "10_path_traversal_uri", "11_http_uri", "12_empty_scene", "15_scale_1e30", "16_scale_1e-30",
     "21_cyclic_nodes", "22_node_two_parents", "23_zero_fov", "24_unknown_required_extension", "25_not_a_glb", "26_json_nan",
 )  # fmt: skip

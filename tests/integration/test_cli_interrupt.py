@@ -45,13 +45,13 @@ def test_an_evaluation_that_is_interrupted(number: signal.Signals, tmp_path: Pat
 
 
 def _wait_for_the_hanging_render() -> None:
-    """Until the run's database says that the first cell is done and the second one is being rendered."""
+    """Until the run's database says that the first render is done and the second one under way."""
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline:
         for path in Path(os.environ["LUXMETER_HOME"]).glob("runs/*.sqlite"):
             with contextlib.closing(sqlite3.connect(path)) as database, contextlib.suppress(sqlite3.OperationalError):
                 states = dict(database.execute("select node, state from luxmeter_nodes"))
-                first, second = (states.get(name) for name in ("compare:cornell-box.flat-mode-good.s0", HANGING))
+                first, second = (states.get(name) for name in ("render:cornell-box.flat-mode-good.s0", HANGING))
                 if (first, second) == ("done", "running"):
                     return
         time.sleep(0.1)

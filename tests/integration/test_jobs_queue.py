@@ -157,19 +157,27 @@ def test_cancelling_ends_what_runs_within_a_second(queue: JobQueue, tmp_path: Pa
 
 @on_sqlite
 def test_urgent_work_overtakes(queue: JobQueue, tmp_path: Path) -> None:
-    order = list[int]()
+    """Both evaluations' renders wait while the first one runs; those of the urgent evaluation come next."""
+    order, go = list[int](), threading.Event()
 
     def watch(task: Any, limits: Limits, progress: Any) -> dict[str, Any]:
         if isinstance(task, RenderTask):
             order.append(task.size[1])
+            assert go.wait(120)
         return workers.flat(task, limits, progress)
 
-    late = queue.submit(request(size=[8, 4]), priority=8).id
-    soon = queue.submit(request(size=[8, 5]), priority=1).id
+    def waiting(id: str) -> int:
+        return sum(row["queue"] == "gl" and row["ready"] is not None for row in queue.records.nodes(id, "queue", "ready"))
+
+    late = queue.submit(request([0.1, 0.2, 0.3, 0.4], size=[8, 4]), priority=8).id
     with working(queue, tmp_path, watch):
+        wait(lambda: order == [4], "the first render did not begin")
+        soon = queue.submit(request(size=[8, 5]), priority=1).id
+        wait(lambda: waiting(soon) == 2 and waiting(late) == 4, "the renders are not in the queue")
+        go.set()
         finished(queue, late)
         finished(queue, soon)
-    assert order[:2] == [5, 5]
+    assert order == [4, 5, 5, 4, 4, 4]
 
 
 @on_sqlite

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from jobs.machine import only_one, use_of
+from jobs.machine import let_go, only_one, use_of
 
 
 def nothing() -> None:
@@ -56,6 +56,22 @@ def test_a_wait_can_be_stopped(tmp_path: Path) -> None:
 
     with use_of(tmp_path, alone=True, stop=nothing), pytest.raises(InterruptedError), use_of(tmp_path, alone=False, stop=stop):
         raise AssertionError("two have the machine")
+
+
+def test_a_stopped_holder_can_be_passed_over(tmp_path: Path) -> None:
+    got = threading.Event()
+
+    def alone() -> None:
+        with use_of(tmp_path, alone=True, stop=nothing):
+            got.set()
+
+    with use_of(tmp_path, alone=True, stop=nothing):
+        thread = threading.Thread(target=alone)
+        thread.start()
+        assert not got.wait(0.2)
+        let_go(tmp_path)
+        assert got.wait(5)
+    thread.join()
 
 
 def test_a_killed_holder_lets_go(tmp_path: Path) -> None:
