@@ -167,6 +167,7 @@ def test_a_child_killed_at_any_point(server: Server, spec: Spec, label: str) -> 
         queue.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["child after end", "render before commit", "node before settle"])
 def test_a_worker_stopped_past_its_lease(server: Server, spec: Spec, label: str) -> None:
     """Another one takes over; when the first goes on it finds its work gone, changes nothing, and takes work again."""

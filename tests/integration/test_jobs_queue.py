@@ -230,8 +230,13 @@ def test_every_way_to_fail_is_named_and_the_queue_moves_on(queue: JobQueue, tmp_
 
 
 @on_sqlite
-def test_an_equal_render_comes_from_the_cache_and_its_times_stay_apart(queue: JobQueue, tmp_path: Path) -> None:
+def test_an_equal_render_comes_from_the_cache_and_its_times_stay_apart(
+    queue: JobQueue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A second evaluation that shares a render takes it from the store; beside fresh renders its old timings are left out."""
+    # Renders run in a worker's thread here, and an OpenGL context belongs to the thread that made it.
+    for module in ("renderers.method", "jobs.rendering"):
+        monkeypatch.setattr(f"{module}.device_string", lambda: "no device")
     rendered = list[float]()
 
     def real(task: Any, limits: Limits, progress: Any) -> dict[str, Any]:

@@ -92,6 +92,8 @@ def _file(site: Site, id: str, path: str) -> bytes:
         return content
     if status.state not in ENDED:
         raise Problem("not-ready", f"{id} is {status.state}", {"retry-after": POLL_S})
+    if path == "index.html":
+        raise Problem("conflict", f"{id} was {status.state} before it had a report")
     raise Problem("not-found", f"the report of {id} has no file {path[:200]!r}")
 
 
