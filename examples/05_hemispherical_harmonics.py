@@ -1,7 +1,7 @@
 """A Phong ball (exponent 20) under a point light: the analytic BRDF, and its series of order 7 in two bases. Needs no scene.
 
 Run it from the repository root: `python examples/05_hemispherical_harmonics.py [out.png]`. Left to right: analytic, hemispherical
-harmonics, spherical harmonics. The latter ring: a faint second highlight and a lit rim, where the analytic ball is black.
+harmonics, spherical harmonics. Both ring where the analytic ball is black, the latter more.
 """
 
 import sys
@@ -9,13 +9,14 @@ import sys
 import numpy as np
 
 from renderers.images import write_png
+from renderers.transport.brdf import phong_lobe
 from renderers.transport.hemispherical.basis import hemispherical_harmonics, spherical_harmonics
 from renderers.transport.hemispherical.models import phong
 from renderers.transport.hemispherical.quadrature import hemisphere_quadrature
 from renderers.transport.sampling import frame
 
-SIZE, ORDER = 180, 7
-brdf = phong(20.0)
+SIZE, ORDER, EXPONENT = 180, 7, 20.0
+brdf = phong(EXPONENT)
 to_light = np.array([0.5, 0.6, 0.63]) / np.linalg.norm([0.5, 0.6, 0.63])
 
 # The ball, seen along -z: normals of the covered pixels, and light and eye in the frame of each.
@@ -26,29 +27,25 @@ frames = np.stack([*frame(normals), normals], axis=1)
 lights, views = frames @ to_light, frames[:, :, 2]
 lit = lights[:, 2] > 0
 
-# Coefficients depend on the elevation of the view alone, so a frame that turns with the view needs one row for each elevation.
+# A Phong lobe has the same coefficients for all views of one elevation, in a frame whose x axis lies under the view.
 quadrature = hemisphere_quadrature(32, 64)
-elevations = np.linspace(0, 1, 128)
-outgoing = np.stack([np.sqrt(1 - elevations**2), 0 * elevations, elevations], axis=1)
-lobes = np.stack([brdf(quadrature.directions, view) for view in outgoing])
-azimuth = np.arctan2(views[:, 1], views[:, 0])
-turned = np.stack(
-    [
-        lights[:, 0] * np.cos(azimuth) + lights[:, 1] * np.sin(azimuth),
-        lights[:, 1] * np.cos(azimuth) - lights[:, 0] * np.sin(azimuth),
-        np.maximum(lights[:, 2], 0),
-    ],
-    axis=1,
-)
-row = np.rint(views[:, 2] * 127).astype(int)
+angles = np.linspace(0, np.pi / 2, 256)
+lobes = np.stack([brdf(quadrature.directions, np.array([np.sin(a), 0, np.cos(a)])) for a in angles]) * quadrature.weights
+level = np.hypot(views[:, 0], views[:, 1])
+(c, s), up = views[:, :2].T / np.maximum(level, 1e-12), views[:, 2]
+turned = np.stack([c * lights[:, 0] + s * lights[:, 1], c * lights[:, 1] - s * lights[:, 0], np.maximum(lights[:, 2], 0)], axis=1)
+place = np.arctan2(level, up) / angles[1]
+row = np.minimum(place.astype(int), 254)
+share = (place - row)[:, None]
 
-panels = []
-analytic = phong(20.0)
-exact = np.array([analytic(light[None], view)[0] for light, view in zip(turned, outgoing[row], strict=True)])
-results = [exact]
+mirrored = np.stack([-level, 0 * level, up], axis=1)
+results = [phong_lobe(EXPONENT, (turned * mirrored).sum(axis=1))]
 for basis in (hemispherical_harmonics, spherical_harmonics):
-    coefficients = (lobes * quadrature.weights) @ basis(quadrature.directions, ORDER)
-    results.append((coefficients[row] * basis(turned, ORDER)).sum(axis=1))
+    table = lobes @ basis(quadrature.directions, ORDER)
+    coefficients = table[row] * (1 - share) + table[row + 1] * share
+    results.append((coefficients * basis(turned, ORDER)).sum(axis=1))
+
+exact, panels = results[0], []
 for name, values in zip(("analytic", "hemispherical", "spherical"), results, strict=True):
     radiance = np.where(lit, np.maximum(values, 0) * lights[:, 2], 0)
     error = np.sqrt(np.mean((values - exact)[lit] ** 2)) / exact.max()
@@ -57,5 +54,5 @@ for name, values in zip(("analytic", "hemispherical", "spherical"), results, str
     panel[covered] = radiance[:, None]
     panels.append(panel)
 out = sys.argv[1] if len(sys.argv) > 1 else "05_hemispherical_harmonics.png"
-write_png(out, np.concatenate(panels, axis=1), exposure=6 / exact.max())
+write_png(out, np.concatenate(panels, axis=1), exposure=2 / exact.max())
 print(f"wrote {out}")

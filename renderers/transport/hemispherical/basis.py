@@ -119,11 +119,11 @@ def _evaluate(directions: Any, diagonal: Any, upward: Any, downward: Any, hemisp
     for i in range(len(directions)):
         u, v, x = np.float64(directions[i, 0]), np.float64(directions[i, 1]), np.float64(directions[i, 2])
         if hemisphere:
-            mu = np.minimum(np.maximum(x, 0.0), 1.0)
+            mu = np.float64(min(max(x, 0.0), 1.0))
             stretch = 2 * np.sqrt(mu / (1 + mu))
             u, v, x = u * stretch, v * stretch, 2 * mu - 1
-        real, imaginary = np.float64(1.0), np.float64(0.0)
-        first: Any = start
+        real, imaginary = 1.0, 0.0
+        first = np.float64(start)
         for m in range(len(diagonal)):
             if m > 0:
                 real, imaginary = real * u - imaginary * v, real * v + imaginary * u
