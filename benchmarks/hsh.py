@@ -55,14 +55,8 @@ def main() -> None:
         share = seconds(lambda w=whole, n=order: to_hemispherical(w, n)) / 256 * rate
         print(f"order {order:2d} environment to the frame of a point: {rate / 1e3:7.2f} k/s, conversion {share:.0%} of it")
         table = brdf_table(phong(15), order, 32)
-<<<<<<< HEAD
-        print(
-            f"order {order:2d} look-ups in a 32² BRDF table: {count / seconds(lambda t=table: t.lookup(directions)) / 1e6:7.2f} M/s"
-        )
-=======
         rate = count / seconds(lambda t=table: t.lookup(directions))
         print(f"order {order:2d} look-ups in a BRDF table of 32x32: {rate / 1e6:7.2f} M/s")
->>>>>>> hsh
 
 
 if __name__ == "__main__":
