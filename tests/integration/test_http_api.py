@@ -227,7 +227,7 @@ def test_report_files(client: httpx.Client, queue: FakeQueue, tmp_path: Path) ->
     problem(early, "not-ready")
     assert int(early.headers["retry-after"]) >= 1
     queue.set(id, "done")
-    problem(client.get(address), "not-found")
+    problem(client.get(address), "conflict")
     (tmp_path / "report" / "assets").mkdir(parents=True)
     (tmp_path / "report" / "index.html").write_text('<html><head><link href="assets/report.css"></head></html>')
     (tmp_path / "report" / "assets" / "report.css").write_text("body {}")
