@@ -53,7 +53,7 @@ def test_gl_and_ray_caster_see_what_mitsuba_sees(name: str) -> None:
 @pytest.mark.gl
 @pytest.mark.mitsuba
 @pytest.mark.parametrize("factor", [1e-3, 1e4])
-@pytest.mark.parametrize("name", ["cornell-box", "bouncing-spheres"])
+@pytest.mark.parametrize("name", SCENES)
 def test_the_view_does_not_depend_on_the_scale(name: str, factor: float) -> None:
     gl, cast, mitsuba = views(scaled(renderers.load_scene(name), factor), SIZE)
     assert_same_view(gl, mitsuba)
