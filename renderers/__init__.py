@@ -15,8 +15,8 @@ from renderers.method import (
     UnknownMethod,
     UnsupportedScene,
     get_method,
-    methods,
     register,
+    registered_methods,
     setting,
 )
 from renderers.scene import Scene, SceneError, builtin_scenes, load_scene
@@ -37,7 +37,7 @@ __all__ = [
     "builtin_scenes",
     "get_method",
     "load_scene",
-    "methods",
     "register",
+    "registered_methods",
     "setting",
 ]

@@ -138,7 +138,7 @@ def register(method: type[Method]) -> type[Method]:
     return method
 
 
-def methods() -> dict[str, Method]:
+def registered_methods() -> dict[str, Method]:
     """All registered methods by name, sorted: those of `renderers.methods` and of the modules that LUXMETER_PLUGINS lists."""
     import renderers.methods as package
 
@@ -151,7 +151,7 @@ def methods() -> dict[str, Method]:
 
 def get_method(name: str) -> Method:
     """The method registered under `name`. Raises UnknownMethod listing the known names."""
-    known = methods()
+    known = registered_methods()
     if name not in known:
         raise UnknownMethod(f"unknown method {name!r}; known: {', '.join(known)}")
     return known[name]

@@ -80,7 +80,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.02)
     options = parser.parse_args()
     width, height = (int(n) for n in options.size.split("x"))
-    methods = options.method or list(renderers.methods())
+    methods = options.method or list(renderers.registered_methods())
     options.out.mkdir(parents=True, exist_ok=True)
     rows = [
         panels_of(scene, methods, (width, height), options.noise, options.out / "references") for scene in options.scene or SCENES

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from renderers import Method, methods  # noqa: E402
+from renderers import Method, registered_methods  # noqa: E402
 
 BEGIN, END = "<!-- methods: begin -->\n", "<!-- methods: end -->\n"
 
@@ -23,7 +23,7 @@ def row(method: Method) -> str:
 def table() -> str:
     """The whole table."""
     head = "| method | what it is | light paths | source |\n| --- | --- | --- | --- |\n"
-    own = (m for m in methods().values() if type(m).__module__.startswith("renderers.methods."))
+    own = (m for m in registered_methods().values() if type(m).__module__.startswith("renderers.methods."))
     return head + "".join(map(row, own))
 
 

@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from jobs.settings import dump, limits, schema
-from renderers import Method, get_method
-from renderers import methods as registered
+from renderers import Method, get_method, registered_methods
 from renderers.scene.model import NEEDS
 from service.describe import default_transport, method_document
 from service.options import Json
@@ -18,7 +17,7 @@ from service.output import print_json, print_table
 def methods(name: Annotated[str | None, typer.Argument(metavar="[NAME]")] = None, json: Json = False) -> None:
     """List the methods; with a NAME its settings, its transport, and how it meets what scenes need."""
     if name is None:
-        found = list(registered().values())
+        found = list(registered_methods().values())
         if json:
             print_json([method_document(method) for method in found])
         else:

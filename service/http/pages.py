@@ -13,8 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from jobs.settings import limits
-from renderers import UnknownMethod, get_method
-from renderers import methods as registered
+from renderers import UnknownMethod, get_method, registered_methods
 from renderers.scene.model import NEEDS
 from reports import format as form
 from reports.registry import METRICS
@@ -63,7 +62,7 @@ def overview(site: SiteOf, request: Request, cursor: Annotated[str | None, Query
 @router.get("/submit", dependencies=[Read])
 def submit(site: SiteOf, request: Request) -> HTMLResponse:
     """A form made of the methods' JSON schemas."""
-    methods = [method_document(method) for method in registered().values()]
+    methods = [method_document(method) for method in registered_methods().values()]
     return render(request, "submit.html", methods=methods, **_scenes(site))
 
 
@@ -95,7 +94,7 @@ def scenes(site: SiteOf, request: Request) -> HTMLResponse:
 @router.get("/methods", dependencies=[Read])
 def methods(request: Request) -> HTMLResponse:
     """All methods and how they meet each need of a scene."""
-    found = [method_document(method) for method in registered().values()]
+    found = [method_document(method) for method in registered_methods().values()]
     return render(request, "methods.html", methods=found, needs=NEEDS)
 
 

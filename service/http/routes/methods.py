@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from renderers import UnknownMethod, get_method
-from renderers import methods as registered
+from renderers import UnknownMethod, get_method, registered_methods
 from service.describe import method_document
 from service.http.access import Read
 from service.http.models import MethodList, MethodView
@@ -17,7 +16,7 @@ router = APIRouter(prefix="/v1/methods", tags=["methods"])
 @router.get("", dependencies=[Read], responses=documented("unauthorized", "forbidden", "too-many-requests"))
 def methods() -> MethodList:
     """All methods."""
-    return MethodList(items=[MethodView.model_validate(method_document(method)) for method in registered().values()])
+    return MethodList(items=[MethodView.model_validate(method_document(method)) for method in registered_methods().values()])
 
 
 @router.get(
