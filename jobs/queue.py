@@ -173,8 +173,9 @@ class JobQueue:
             self.records.forget(id)
 
     def check(self) -> None:
-        """Raises StoreError where the database can't be reached or the store can't be written."""
+        """Raises StoreError where the database or the store can't be reached or written."""
         self._client.check()
+        self.records.check_writable()
         self.artifacts.check_writable()
 
     def _enqueue(self, id: str) -> None:

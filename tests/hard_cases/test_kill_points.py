@@ -167,10 +167,8 @@ def test_a_child_killed_at_any_point(server: Server, spec: Spec, label: str) -> 
         queue.close()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("label", ["child after end", "render before commit", "node before settle"])
-def test_a_worker_stopped_past_its_lease(server: Server, spec: Spec, label: str) -> None:
-    """Another one takes over; when the first goes on it finds its work gone, changes nothing, and takes work again."""
+def stopped_and_overtaken(server: Server, spec: Spec, label: str) -> None:
+    """A worker stops at a label and another one takes over; when the first goes on it changes nothing, and takes work again."""
     queue = JobQueue(spec.database)
     try:
         id = queue.submit(REQUEST).id
@@ -188,3 +186,14 @@ def test_a_worker_stopped_past_its_lease(server: Server, spec: Spec, label: str)
         whole(queue, second)
     finally:
         queue.close()
+
+
+def test_a_worker_stopped_in_the_middle_of_a_transaction(server: Server, spec: Spec) -> None:
+    """It holds the one write lock of an SQLite file, or a row of PostgreSQL that every other worker needs."""
+    stopped_and_overtaken(server, spec, "record half written")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("label", ["child after end", "render before commit", "node before settle"])
+def test_a_worker_stopped_past_its_lease(server: Server, spec: Spec, label: str) -> None:
+    stopped_and_overtaken(server, spec, label)
