@@ -32,7 +32,7 @@ from jobs.outcome import CANCELLED, Order, Outcome
 from jobs.plan import Plan
 from jobs.points import reach
 from jobs.records import Records
-from jobs.strays import Stray, Strays
+from jobs.strays import PATIENCE_S, Stray, Strays
 from jobs.values import from_text, to_text
 from jobs.work import Bench, carry_out
 from reports.folder import State
@@ -89,6 +89,12 @@ class Client:
         with readable_errors(self.url):
             self._client.enqueue(options, id, attempt)
 
+    def register(self, poll_s: float) -> None:
+        """Make the queues known: an engine that finds them when it starts begins to take work at once, and else a second later."""
+        with readable_errors(self.url):
+            for name, limit in LIMITS.items():
+                self._client.register_queue(name, worker_concurrency=limit, polling_interval_sec=poll_s)
+
     def forget(self, id: str) -> None:
         """Delete all workflows of an evaluation."""
         with readable_errors(self.url):
@@ -108,8 +114,8 @@ class Client:
 class Engine:
     """Runs workflows in this process, one engine a process. Between `start` and `stop`, work of the listed queues is taken.
 
-    executor: name of this worker, unique among the live ones, and the same after a restart. idle_s: as for `open_database`.
-    nightly: called when `cron` says.
+    executor: name of this worker, unique among the live ones, and the same after a restart. idle_s: how long a transaction, or work
+    that was taken, may stand still before others get on with it. nightly: called when `cron` says.
     """
 
     def __init__(
@@ -121,13 +127,13 @@ class Engine:
         self.observer: Observer = observer or (lambda node, state, detail, error: None)
         self.news = threading.Condition()
         self.stopping = threading.Event()
-        self.strays = Strays(executor)
+        self.strays = Strays(executor, min(idle_s, PATIENCE_S))
         self._told: dict[str, float] = {}
         self._lock = threading.Lock()
         self._monitor = Monitor(records, executor, _look)
 
     def start(self) -> None:
-        """Take up what this executor left when it died, and begin to take work."""
+        """Take up what this executor left when it died, and begin to take work from the queues that a Client has registered."""
         global _engine
         with readable_errors(self.url):
             prepare_file(self.url)
@@ -142,8 +148,6 @@ class Engine:
             _engine = self
             DBOS.listen_queues(list(LIMITS))
             DBOS.launch()
-            for name, limit in LIMITS.items():
-                DBOS.register_queue(name, worker_concurrency=limit, polling_interval_sec=self.poll_s, on_conflict="always_update")
             if self.cron is not None:
                 DBOS.apply_schedules([{"schedule_name": "nightly", "workflow_fn": nightly, "schedule": self.cron}])
         self._monitor.start()

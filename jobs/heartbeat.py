@@ -17,6 +17,7 @@ from jobs.durable import Client, Engine
 from jobs.errors import StoreError
 from jobs.machine import holder, let_go
 from jobs.place import lock_of
+from jobs.points import reach
 from jobs.records import Records
 from jobs.stopped import end_tasks, wake
 
@@ -78,6 +79,8 @@ class Heartbeat:
 
     def _beat(self, engine: Engine, client: Client) -> None:
         self._say()
+        if self._dead:
+            reach("takeover before recovery")
         engine.recover(self._dead)
         self._dead.clear()
         engine.sweep({row["id"] for row in self._records.workers()})

@@ -64,6 +64,7 @@ class Worker:
             heartbeat.announce()
             client = Client(self.records.url)
             after.callback(client.close)
+            client.register(self.poll_s)
             engine = Engine(
                 self.records.url, executor, self.records, self.bench, poll_s=self.poll_s, idle_s=min(self.lease_s, IDLE_S),
                 observer=self._observer, nightly=self._night, cron=self._cron,
