@@ -54,7 +54,9 @@ class RcsSettings(Settings):
 
     a: float = setting(0.15, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 2.8", ge=0.01, le=1.4)
     rays: int = setting(4096, "rays a record", source="Gautron 2006 §4.8", ge=16, le=65536)
-    weight: Literal["ward", "shifted", "tent"] = setting("ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004")
+    weight: Literal["ward", "shifted", "tent"] = setting(
+        "ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004"
+    )
     gradients: bool = setting(True, "extrapolate with rotation and translation gradients", source="Ward & Heckbert 1992")
     r_min: float = setting(0.03, "smallest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1)
     r_max: float = setting(2.0, "largest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1000)
@@ -104,7 +106,7 @@ class RadianceCacheSplatting(Method):
             with watch("gbuffer"):
                 gbuffer = cast_gbuffer(world, context.size, ((index % k + 0.5) / k, (index // k + 0.5) / k))
             albedo = albedos(world, gbuffer)
-            canvas = Canvas.of(gbuffer, albedo.any(axis=2))
+            canvas = Canvas.of(gbuffer, albedo.max(axis=2) > 0)
             with watch("splat"):
                 canvas.add(records, settings.a, settings.weight, settings.gradients, counters)
             with watch("records"):
@@ -115,7 +117,9 @@ class RadianceCacheSplatting(Method):
             flat[canvas.rows] += canvas.irradiance * albedo.reshape(-1, 3)[canvas.rows] / np.pi
             with watch("direct"):
                 seed = context.seed + (index << 32)
-                layers["direct"] += emitted(world, gbuffer) + direct(world, gbuffer, settings.light_samples, seed, counters=counters)
+                layers["direct"] += emitted(world, gbuffer) + direct(
+                    world, gbuffer, settings.light_samples, seed, counters=counters
+                )
             counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
             counters["pixels_missed"] += int(np.count_nonzero(canvas.missed))
         images = {name: (layer / k**2).astype(np.float32) for name, layer in layers.items()}

@@ -11,7 +11,8 @@
 | `splat`, `splat_kernels` | records added to the pixels inside their zones |
 | `placement` | where records are put: in batches, or one by one |
 
-Positions, radii and distances are in World units (half the scene's diagonal is 1), light is in the units of the scene.
-Source: P. Gautron, *Cache de luminance et cartes graphiques*, doctoral thesis, Université de Rennes 1, 2006, chapter 4; G. Ward,
-F. Rubinstein, R. Clear, *A ray tracing solution for diffuse interreflection*, 1988; G. Ward, P. Heckbert, *Irradiance gradients*, 1992.
+Positions, radii and distances are in World units (half the scene's diagonal is 1).
+Sources: P. Gautron, *Cache de luminance et cartes graphiques*, doctoral thesis, Université de Rennes 1, 2006, chapter 4;
+G. Ward, F. Rubinstein, R. Clear, *A ray tracing solution for diffuse interreflection*, 1988; G. Ward, P. Heckbert, *Irradiance
+gradients*, 1992; J. Křivánek, P. Gautron, S. Pattanaik, K. Bouatouch, *Radiance caching*, 2005.
 """

@@ -9,8 +9,8 @@ Cells j = 0 … M-1 (from the pole), k = 0 … N-1 of equal projected solid angl
     ∇_rE = Σ_k v̂_k Σ_j L_jk 2π/N ½ [θ - sin θ cos θ]                                               argument n_k × n
     R    = MN / Σ 1/r                                                                              Ward 1988
 
-The nearer of two surfaces decides how fast the edge between them moves, hence the minimum. The bracket integrates tan θ exactly over
-a ring, where the usual sum of tan θ_j at cell centres loses up to 14 % in the outermost one.
+The nearer of two surfaces decides how fast the edge between them moves, hence the minimum. The bracket integrates tan θ exactly
+over a ring, where the usual sum of tan θ_j at cell centres loses up to 14 % in the outermost one.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Polar hemispheres over many records at once, and the records made of them.
 
-Rays leave in batches of BATCH records a task: generated, cast, shaded and summed up by one thread, whose arrays stay small. A record
+Rays leave in batches of RAYS_PER_TASK: generated, cast, shaded and summed up by one thread, whose arrays stay small. A record
 depends on its place, its number and the seed alone, hence neither on its batch nor on the number of threads.
 """
 

@@ -1,8 +1,8 @@
 """What rays of a hemisphere see: the direct light that the surfaces they hit reflect towards where the rays came from.
 
 Emission and sky are left out: seen from a record they are direct light of its point, which no cache holds. Lights are sampled as
-anywhere else (`incident.Lights`): punctual ones exactly, emitting triangles and the sky by one sample a hit, since thousands of hits
-make one record; the samples of a hemisphere are a lattice moved at random, hence spread evenly over the lights.
+anywhere else (`incident.Lights`): punctual ones exactly, emitting triangles and the sky by one sample a hit, since thousands of
+hits make one record; the samples of a hemisphere are a lattice moved at random, hence spread evenly over the lights.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.scene.world import GGX_KIND, LAMBERT, PHONG, World
+from renderers.scene.world import LAMBERT, World
 from renderers.transport.incident import Lights
 from renderers.transport.kernels import shade
 from renderers.transport.raycast import FAR, OFFSET, Hits, RayCaster, caster_of
@@ -46,20 +46,14 @@ class Incoming(Protocol):
 def seen_along(world: World, directions: F32, hits: Hits) -> Seen:
     """The surfaces that rays with unit directions (N, 3) hit."""
     ray = np.flatnonzero(hits.triangle >= 0)
-    count = len(ray)
-    position, normal, geometric, towards = (np.empty((count, 3)) for _ in range(4))
-    uv = np.empty((count, 2))
     triangle = hits.triangle[ray]
-    _surfaces(
-        ray, triangle, hits.u, hits.v, directions, world.positions, world.normals, world.uvs, world.triangles, world.face_normals,
-        position, normal, geometric, towards, uv,
-    )  # fmt: skip
-    material = world.material[triangle]
-    if (world.materials.texture < 0).all():
-        base = world.materials.base[material].astype(np.float64)
-    else:
-        base = base_color(world, material, uv)
-    return Seen(ray, position, normal, geometric, towards, material, base)
+    position, normal, geometric, towards = (np.empty((len(ray), 3)) for _ in range(4))
+    uv, material = np.empty((len(ray), 2)), world.material[triangle]
+    seen = Seen(ray, position, normal, geometric, towards, material, world.materials.base[material].astype(np.float64))
+    _surfaces(seen, uv, hits, directions, (world.positions, world.normals, world.uvs, world.triangles, world.face_normals))
+    if (world.materials.texture >= 0).any():
+        seen = seen._replace(base=base_color(world, material, uv))
+    return seen
 
 
 class ReflectedDirectLight:
@@ -69,84 +63,90 @@ class ReflectedDirectLight:
         self._lights = Lights(world, 1)
         self._caster: RayCaster = caster_of(world)
         table = world.materials
-        self._parameters = table.kind, *(a.astype(np.float64) for a in (table.specular, table.exponent, table.metallic, table.alpha))
+        columns = (a.astype(np.float64) for a in (table.specular, table.exponent, table.metallic, table.alpha))
+        self._materials = table.kind, *columns
 
     def __call__(self, seen: Seen, random: F64) -> tuple[F32, int]:
         """See `Incoming`."""
-        radiance, rays = np.zeros((len(seen.ray), 3), np.float32), 0
-        index = np.empty(len(seen.ray), np.int64)
-        value, origin, aim = (np.empty((len(seen.ray), 3), np.float32) for _ in range(3))
-        reach = np.empty(len(seen.ray), np.float32)
+        count, rays = len(seen.ray), 0
+        radiance = np.zeros((count, 3), np.float32)
+        value, origin, aim = (np.empty((count, 3), np.float32) for _ in range(3))
+        index, reach = np.empty(count, np.int64), np.empty(count, np.float32)
         for sample in self._lights.incident(seen.position, seen.normal, random):
-            count = _lit(
-                seen.position, seen.normal, seen.geometric, seen.towards, seen.material, seen.base, *self._parameters, *sample,
-                OFFSET, FAR, index, value, origin, aim, reach,
-            )  # fmt: skip
-            blocked = self._caster.occluded_unthreaded(origin[:count], aim[:count], reach[:count])
-            _add_visible(index[:count], value[:count], blocked, radiance)
-            rays += count
+            n = _lit(seen, self._materials, sample, OFFSET, FAR, (index, value, origin, aim, reach))
+            blocked = self._caster.occluded_unthreaded(origin[:n], aim[:n], reach[:n])
+            _add_visible(index[:n], value[:n], blocked, radiance)
+            rays += n
         return radiance, rays
 
 
 @numba.njit(nogil=True, cache=True)
-def _surfaces(ray, triangle, u, v, direction, positions, normals, uvs, triangles, face_normals, position, normal, geometric, towards, uv):  # type: ignore[no-untyped-def]
-    for s in range(len(ray)):
-        r, t = ray[s], triangle[s]
-        second, third = float(u[r]), float(v[r])
+def _surfaces(seen, uv, hits, direction, geometry):  # type: ignore[no-untyped-def]
+    """Fill the arrays of `seen` whose rays are known, and uv (S, 2)."""
+    positions, normals, uvs, triangles, face_normals = geometry
+    for s in range(len(seen.ray)):
+        r = seen.ray[s]
+        t, second, third = hits.triangle[r], float(hits.u[r]), float(hits.v[r])
         first = 1 - second - third
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         length, facing = 0.0, 0.0
         for x in range(3):
-            position[s, x] = first * positions[a, x] + second * positions[b, x] + third * positions[c, x]
+            seen.position[s, x] = first * positions[a, x] + second * positions[b, x] + third * positions[c, x]
             mixed = first * normals[a, x] + second * normals[b, x] + third * normals[c, x]
-            normal[s, x] = mixed
+            seen.normal[s, x] = mixed
             length += mixed * mixed
-            geometric[s, x] = face_normals[t, x]
-            towards[s, x] = -float(direction[r, x])
+            seen.geometric[s, x] = face_normals[t, x]
+            seen.towards[s, x] = -float(direction[r, x])
         flat = length < 1e-12  # opposite vertex normals cancel: flat shading there
         for x in range(3):
-            normal[s, x] = face_normals[t, x] if flat else normal[s, x] / np.sqrt(length)
-            facing += normal[s, x] * towards[s, x]
+            seen.normal[s, x] = face_normals[t, x] if flat else seen.normal[s, x] / np.sqrt(length)
+            facing += seen.normal[s, x] * seen.towards[s, x]
         if facing < 0:
             for x in range(3):
-                normal[s, x] = -normal[s, x]
+                seen.normal[s, x] = -seen.normal[s, x]
         for x in range(2):
             uv[s, x] = first * uvs[a, x] + second * uvs[b, x] + third * uvs[c, x]
 
 
+@numba.njit(inline="always")
+def _tuple(array, s):  # type: ignore[no-untyped-def]
+    return array[s, 0], array[s, 1], array[s, 2]
+
+
 @numba.njit(nogil=True, cache=True)
-def _lit(position, normal, geometric, towards, material, base, kind, specular, exponent, metallic, alpha, light, weight, distance, offset, far, index, value, origin, aim, reach):  # type: ignore[no-untyped-def]
-    """Hits that a light sample reaches from the front: index (S,), reflected radiance (S, 3), shadow rays. Returns how many."""
+def _lit(seen, materials, light, offset, far, out):  # type: ignore[no-untyped-def]
+    """Hits that a light sample (`Incident`) reaches from the front; returns how many.
+
+    out: index (S,), reflected radiance if unblocked (S, 3), and their shadow rays: origin, aim (S, 3), reach (S,).
+    """
+    index, value, origin, aim, reach = out
+    kind, specular, exponent, metallic, alpha = materials
     count = 0
-    scaled, reflected = np.empty(3), np.empty(3)
-    for s in range(len(position)):
-        cosine = normal[s, 0] * light[s, 0] + normal[s, 1] * light[s, 1] + normal[s, 2] * light[s, 2]
-        if cosine <= 0 or (weight[s, 0] <= 0 and weight[s, 1] <= 0 and weight[s, 2] <= 0):
+    weight, reflected = np.empty(3), np.empty(3)
+    for s in range(len(seen.ray)):
+        n, to_light = _tuple(seen.normal, s), _tuple(light.direction, s)
+        cosine = n[0] * to_light[0] + n[1] * to_light[1] + n[2] * to_light[2]
+        if cosine <= 0 or max(light.weight[s, 0], light.weight[s, 1], light.weight[s, 2]) <= 0:
             continue
-        m = material[s]
-        brightest = 0.0
+        m = seen.material[s]
         for c in range(3):
-            scaled[c] = weight[s, c] * cosine
-            reflected[c] = base[s, c] / np.pi * scaled[c] if kind[m] == LAMBERT else 0.0
-        if kind[m] == PHONG or kind[m] == GGX_KIND:
+            weight[c] = light.weight[s, c] * cosine
+            reflected[c] = seen.base[s, c] / np.pi * weight[c] if kind[m] == LAMBERT else 0.0
+        if kind[m] != LAMBERT:
             shade(
-                kind[m], base[s], specular[m], exponent[m], metallic[m], alpha[m],
-                (normal[s, 0], normal[s, 1], normal[s, 2]), (towards[s, 0], towards[s, 1], towards[s, 2]),
-                (light[s, 0], light[s, 1], light[s, 2]), scaled, reflected,
+                kind[m], seen.base[s], specular[m], exponent[m], metallic[m], alpha[m],
+                n, _tuple(seen.towards, s), to_light, weight, reflected,
             )  # fmt: skip
-        for c in range(3):
-            value[count, c] = reflected[c]
-            brightest = max(brightest, reflected[c])
-        if brightest <= 0:
+        if max(reflected[0], reflected[1], reflected[2]) <= 0:
             continue
-        side = 0.0
+        g = _tuple(seen.geometric, s)
+        outside = g[0] * to_light[0] + g[1] * to_light[1] + g[2] * to_light[2] >= 0
+        distant = np.isinf(light.distance[s])
         for x in range(3):
-            side += geometric[s, x] * light[s, x]
-        distant = np.isinf(distance[s])
-        for x in range(3):
-            start = position[s, x] + (offset if side >= 0 else -offset) * geometric[s, x]
+            value[count, x] = reflected[x]
+            start = seen.position[s, x] + (offset if outside else -offset) * g[x]
             origin[count, x] = start
-            aim[count, x] = light[s, x] if distant else position[s, x] + light[s, x] * distance[s] - start
+            aim[count, x] = to_light[x] if distant else seen.position[s, x] + to_light[x] * light.distance[s] - start
         reach[count] = far if distant else 1 - offset
         index[count] = s
         count += 1

@@ -1,9 +1,9 @@
 """Limits of a record's radius, applied in this order (Křivánek et al. 2005; Tabellion & Lamorlette 2004).
 
-    1  R ← min(R, min_c E_c / |∇_t E_c|)              extrapolation may not double the irradiance over the radius
-    2  R ← min(R, min_l R_l + |p - p_l|)              neighbour clamping: what a neighbour sees near is near here too
-    3  R ← clamp(R, R_min, R_max)
-    4  ∇_tE ← ∇_tE · R_0 / R_min                      where 3 enlarged R from R_0 (before 3) to R_min
+1  R ← min(R, min_c E_c / |∇_t E_c|)              extrapolation may not double the irradiance over the radius
+2  R ← min(R, min_l R_l + |p - p_l|)              neighbour clamping: what a neighbour sees near is near here too
+3  R ← clamp(R, R_min, R_max)
+4  ∇_tE ← ∇_tE · R_0 / R_min                      where 3 enlarged R from R_0 (before 3) to R_min
 """
 
 from __future__ import annotations

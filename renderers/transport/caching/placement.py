@@ -1,16 +1,16 @@
 """Where records are put: wherever a pixel is reached by none ("cache miss"), until all are reached or a limit is.
 
-batched     Misses are found for the whole image, thinned, and all records of a round are computed together. Thinning walks the misses
-            in an order drawn at random, with each one's harmonic mean distance known from a few rays: it accepts one and passes over
-            those inside its zone, as dart throwing does, which spreads the accepted ones like blue noise. Few rounds are needed,
-            since only pixels where the zone turned out smaller than foreseen are left.
+batched     Misses are found for the whole image, thinned, and all records of a round are computed together. Thinning walks the
+            misses in an order drawn at random, with each one's harmonic mean distance known from a few rays: it accepts one and
+            passes over those inside its zone, as dart throwing does, which spreads the accepted ones like blue noise. Few rounds
+            are needed, since only pixels where the zone turned out smaller than foreseen are left.
 sequential  One record at a time, at the first miss in the order of the pixels (Gautron 2006, algorithm 4).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
@@ -40,7 +40,7 @@ class Placement:
     a: float = 0.15
     weight: Weight = "ward"
     gradients: bool = True
-    limits: Limits = Limits()
+    limits: Limits = field(default_factory=Limits)
     order: Order = "batched"
     seed: int = 0
 

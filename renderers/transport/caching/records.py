@@ -25,6 +25,17 @@ class Sites(NamedTuple):
         return Sites(*(column[index] for column in self))
 
 
+class Columns(NamedTuple):
+    """The arrays of irradiance records, as kernels read them (see `Records`)."""
+
+    position: Float
+    normal: Float
+    radius: Float
+    irradiance: Float
+    translation: Float
+    rotation: Float
+
+
 @dataclass(frozen=True, eq=False)
 class Records:
     """K records, all arrays of one float type, in World units.
@@ -56,6 +67,10 @@ class Records:
         """The same in another float type, C-contiguous."""
         return self._mapped(lambda column: np.ascontiguousarray(column, dtype))
 
+    def columns(self, dtype: Any) -> Columns:
+        """What irradiance is interpolated from, in one float type, C-contiguous."""
+        return Columns(*(np.ascontiguousarray(getattr(self, name), dtype) for name in Columns._fields))
+
     def with_radius(self, radius: Float) -> Records:
         """The same with other radii."""
         return replace(self, radius=radius.astype(self.radius.dtype))
@@ -72,7 +87,7 @@ class Records:
         filled = [part for part in parts if len(part)]
         if not filled:
             return parts[0] if parts else Records.empty()
-        columns: dict[str, Any] = {}
+        columns: Any = {}
         for name in (field.name for field in fields(Records)):
             values = [getattr(part, name) for part in filled]
             missing = [value is None for value in values]
@@ -82,5 +97,6 @@ class Records:
         return Records(**columns)
 
     def _mapped(self, change: Any) -> Records:
-        values = ((field.name, getattr(self, field.name)) for field in fields(self))
-        return Records(**{name: None if value is None else change(value) for name, value in values})
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        mapped: Any = {name: None if value is None else change(value) for name, value in columns.items()}
+        return Records(**mapped)

@@ -33,8 +33,7 @@ class Canvas:
         self.position, self.normal = (np.ascontiguousarray(a, dtype) for a in (position, normal))
         self.sums = np.zeros((len(rows), 4), dtype)
         single = (np.ascontiguousarray(a, np.float32) for a in (position, normal))
-        tiles = tiles_of(rows, width, *single)
-        self._tiles = tiles.pixel, tiles.first, tiles.tile_balls, tiles.block_balls
+        self._tiles = tiles_of(rows, width, *single)
 
     @staticmethod
     def of(gbuffer: GBuffer, wanted: NDArray[np.bool_] | None = None, dtype: Any = np.float32) -> Canvas:
@@ -54,12 +53,10 @@ class Canvas:
         self, records: Records, a: float, weight: Weight = "ward", gradients: bool = True, counters: Counter[str] | None = None
     ) -> None:
         """Splat records at accuracy a in (0, √2). counters: `splat_tests` and `splats` (pairs of record and pixel) are added to."""
-        work = np.zeros((len(self._tiles[1]) - 1, 2), np.int64)
-        r = records.astype(self.dtype)
-        splat_records(
-            self.position, self.normal, *self._tiles, r.position, r.normal, r.radius, r.irradiance, r.translation, r.rotation,
-            self.dtype.type(checked_accuracy(a)), WEIGHTS[weight], gradients, self.sums, work,
-        )  # fmt: skip
+        work = np.zeros((len(self._tiles.first) - 1, 2), np.int64)
+        accuracy = self.dtype.type(checked_accuracy(a))
+        columns = records.columns(self.dtype)
+        splat_records(self.position, self.normal, self._tiles, columns, accuracy, WEIGHTS[weight], gradients, self.sums, work)
         if counters is not None:
             counters["splat_tests"] += int(work[:, 0].sum())
             counters["splats"] += int(work[:, 1].sum())
@@ -69,10 +66,10 @@ class Canvas:
     ) -> NDArray[np.int64]:
         """Candidates (indices into the pixels) that no earlier one's zone covers, `limit` at most; `covered` (P,) is updated."""
         accepted = np.empty(min(len(candidates), limit), np.int64)
+        reach = radius.astype(self.dtype)
         count = accept(
-            self.position, self.normal, *self._tiles, candidates, radius.astype(self.dtype), self.dtype.type(a), WEIGHTS[weight],
-            covered, limit, accepted,
-        )  # fmt: skip
+            self.position, self.normal, self._tiles, candidates, reach, self.dtype.type(a), WEIGHTS[weight], covered, accepted
+        )
         return accepted[:count]
 
     @property
@@ -92,10 +89,9 @@ def gather(
 ) -> tuple[Float, Float]:
     """Interpolated irradiance (P, 3) at points with unit normals (P, 3), and the sum of weights (P,), by trying all records."""
     dtype = position.dtype.type
-    sums, r = np.zeros((len(position), 4), dtype), records.astype(dtype)
+    sums = np.zeros((len(position), 4), dtype)
     gather_records(
-        position, normal, r.position, r.normal, r.radius, r.irradiance, r.translation, r.rotation,
-        dtype(checked_accuracy(a)), WEIGHTS[weight], gradients, sums,
+        position, normal, records.columns(dtype), dtype(checked_accuracy(a)), WEIGHTS[weight], gradients, sums
     )  # fmt: skip
     total = sums[:, 3]
     return np.where(total[:, None] > 0, sums[:, :3] / np.where(total > 0, total, 1)[:, None], 0), total

@@ -1,7 +1,8 @@
 """numba kernels that add records to the pixels inside their zones, tile by tile. Generic in the float type of the arrays.
 
 A record skips a block of tiles, and then a tile, when even the nearest position and the most similar normal within their balls give
-an error above a. A pixel adds its records in their order and only blocks are spread over threads: the same bytes at any thread count.
+an error above a. A pixel adds its records in their order, and only blocks are spread over threads: the same bytes at any number of
+threads. points, normals (P, 3): of the pixels; tiles: `tiles.Tiles`; records: `records.Columns`.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def misses(ball, position, normal, radius, a):  # type: ignore[no-untyped-def]
 
 @numba.njit(inline="always")
 def weight_at(kind, p, n, position, normal, radius, a):  # type: ignore[no-untyped-def]
-    """Weight of a record at a point."""
+    """Weight at point p with normal n of a record."""
     dx, dy, dz = p[0] - position[0], p[1] - position[1], p[2] - position[2]
     reach = a * radius
     square = dx * dx + dy * dy + dz * dz
@@ -37,81 +38,81 @@ def weight_at(kind, p, n, position, normal, radius, a):  # type: ignore[no-untyp
 
 
 @numba.njit(inline="always")
-def extrapolated(c, p, n, position, normal, irradiance, translation, rotation):  # type: ignore[no-untyped-def]
-    """E of channel c at a point: max(0, E + (n_k × n)·∇_rE + (p - p_k)·∇_tE)."""
-    value = irradiance[c]
-    for x in range(3):
-        y, z = (x + 1) % 3, (x + 2) % 3
-        value += (normal[y] * n[z] - normal[z] * n[y]) * rotation[c, x] + (p[x] - position[x]) * translation[c, x]
-    return max(value, 0.0)
+def add(p, n, w, records, k, gradients, sums):  # type: ignore[no-untyped-def]
+    """sums (4,) += (w·E', w) with E' = max(0, E + (n_k × n)·∇_rE + (p - p_k)·∇_tE) of record k."""
+    sums[3] += w
+    for c in range(3):
+        value = records.irradiance[k, c]
+        if gradients:
+            m = records.normal[k]
+            for x in range(3):
+                y, z = (x + 1) % 3, (x + 2) % 3
+                value += (m[y] * n[z] - m[z] * n[y]) * records.rotation[k, c, x]
+                value += (p[x] - records.position[k, x]) * records.translation[k, c, x]
+            value = max(value, 0.0)
+        sums[c] += w * value
 
 
 @numba.njit(parallel=True, cache=True)
-def splat_records(points, normals, pixel, first, tile_balls, block_balls, position, normal, radius, irradiance, translation, rotation, a, kind, gradients, sums, work):  # type: ignore[no-untyped-def]
+def splat_records(points, normals, tiles, records, a, kind, gradients, sums, work):  # type: ignore[no-untyped-def]
     """sums (P, 4) += (w·E', w); work (B, 2) int64: pairs of record and pixel tested, and found inside a zone."""
-    for b in numba.prange(len(first) - 1):
+    for b in numba.prange(len(tiles.first) - 1):
         tested, touched = 0, 0
-        for k in range(len(position)):
-            if misses(block_balls[b], position[k], normal[k], radius[k], a):
+        for k in range(len(records.position)):
+            position, normal, radius = records.position[k], records.normal[k], records.radius[k]
+            if misses(tiles.block_balls[b], position, normal, radius, a):
                 continue
-            for t in range(first[b], first[b + 1]):
-                if misses(tile_balls[t], position[k], normal[k], radius[k], a):
+            for t in range(tiles.first[b], tiles.first[b + 1]):
+                if misses(tiles.tile_balls[t], position, normal, radius, a):
                     continue
-                for i in pixel[t]:
+                for i in tiles.pixel[t]:
                     if i < 0:
                         continue
                     tested += 1
-                    p, n = points[i], normals[i]
-                    w = weight_at(kind, p, n, position[k], normal[k], radius[k], a)
-                    if w <= 0:
-                        continue
-                    touched += 1
-                    sums[i, 3] += w
-                    for c in range(3):
-                        e = irradiance[k, c]
-                        if gradients:
-                            e = extrapolated(c, p, n, position[k], normal[k], irradiance[k], translation[k], rotation[k])
-                        sums[i, c] += w * e
+                    w = weight_at(kind, points[i], normals[i], position, normal, radius, a)
+                    if w > 0:
+                        touched += 1
+                        add(points[i], normals[i], w, records, k, gradients, sums[i])
         work[b, 0], work[b, 1] = tested, touched
 
 
 @numba.njit(nogil=True, cache=True)
-def accept(points, normals, pixel, first, tile_balls, block_balls, candidates, radius, a, kind, covered, limit, accepted):  # type: ignore[no-untyped-def]
-    """Walk candidates (pixel indices) in order; each that isn't covered is accepted, and covers its zone. Returns how many are."""
+def accept(points, normals, tiles, candidates, radius, a, kind, covered, accepted):  # type: ignore[no-untyped-def]
+    """Walk candidates (pixels) in order; each that isn't covered is accepted and covers its zone, until `accepted` is full.
+
+    radius: of each candidate. Returns how many are accepted.
+    """
     count = 0
     for place in range(len(candidates)):
         at = candidates[place]
-        if covered[at]:
-            continue
-        if count == limit:
+        if count == len(accepted):
             break
-        accepted[count] = at
-        count += 1
-        covered[at] = True
-        for b in range(len(first) - 1):
-            if misses(block_balls[b], points[at], normals[at], radius[place], a):
-                continue
-            for t in range(first[b], first[b + 1]):
-                if misses(tile_balls[t], points[at], normals[at], radius[place], a):
-                    continue
-                for i in pixel[t]:
-                    if i >= 0 and not covered[i]:
-                        w = weight_at(kind, points[i], normals[i], points[at], normals[at], radius[place], a)
-                        covered[i] = w > 0
+        if not covered[at]:
+            accepted[count] = at
+            count += 1
+            covered[at] = True
+            _cover(points, normals, tiles, points[at], normals[at], radius[place], a, kind, covered)
     return count
 
 
+@numba.njit(nogil=True, cache=True)
+def _cover(points, normals, tiles, position, normal, radius, a, kind, covered):  # type: ignore[no-untyped-def]
+    for b in range(len(tiles.first) - 1):
+        if misses(tiles.block_balls[b], position, normal, radius, a):
+            continue
+        for t in range(tiles.first[b], tiles.first[b + 1]):
+            if misses(tiles.tile_balls[t], position, normal, radius, a):
+                continue
+            for i in tiles.pixel[t]:
+                if i >= 0 and not covered[i]:
+                    covered[i] = weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0
+
+
 @numba.njit(parallel=True, cache=True)
-def gather_records(points, normals, position, normal, radius, irradiance, translation, rotation, a, kind, gradients, sums):  # type: ignore[no-untyped-def]
+def gather_records(points, normals, records, a, kind, gradients, sums):  # type: ignore[no-untyped-def]
     """sums (P, 4) += (w·E', w) over all records, point by point: what a splat is compared with."""
     for i in numba.prange(len(points)):
-        p, n = points[i], normals[i]
-        for k in range(len(position)):
-            w = weight_at(kind, p, n, position[k], normal[k], radius[k], a)
+        for k in range(len(records.position)):
+            w = weight_at(kind, points[i], normals[i], records.position[k], records.normal[k], records.radius[k], a)
             if w > 0:
-                sums[i, 3] += w
-                for c in range(3):
-                    e = irradiance[k, c]
-                    if gradients:
-                        e = extrapolated(c, p, n, position[k], normal[k], irradiance[k], translation[k], rotation[k])
-                    sums[i, c] += w * e
+                add(points[i], normals[i], w, records, k, gradients, sums[i])

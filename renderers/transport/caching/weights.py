@@ -45,4 +45,4 @@ def weight(kind: int, distance: float, bend: float, a: float) -> float:
     return max(ward - 1 / a, RIM) if kind == SHIFTED else ward
 
 
-weight_scalar = numba.njit(weight, cache=True, inline="always")
+weight_scalar = numba.njit(weight, cache=True)
