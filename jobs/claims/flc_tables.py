@@ -96,7 +96,8 @@ def measure(bench: Bench, published: Mapping[str, Published], settings: Mapping[
 
 def elsewhere(bench: Bench, text: str, ratio: float, common: Mapping[str, Any]) -> Values:
     """The comparison with ir at 64K lights in another scene, calibrated there."""
-    scene, found = bench.open(text), defaultdict(list)
+    scene = bench.open(text)
+    found: Values = defaultdict(list)
     reach = calibrated_reach(bench, scene, common, ratio)
     for seed in range(OTHER_SEEDS):
         against_ir(bench, scene, found, seed, {**common, "reach": reach}, ("64k",))

@@ -27,13 +27,15 @@ def test_the_document(capfd: pytest.CaptureFixture[str]) -> None:
     assert list(answer) == ["claim", "status", "why", "scene", "device", "command", "rows"]
     assert answer["device"].count(" · ") == 2
     del answer["device"]
+    figures = {"published": 1.0, "measured": 1.0, "low": 1.0, "high": 1.0}
     assert answer == {
-        "claim": "toy-true", "status": "reproduced", "why": "1 of 1 compared figures hold. counted by hand.", "scene": "a toy",
+        "claim": "toy-true",
+        "status": "reproduced",
+        "why": "1 of 1 compared figures hold. counted by hand.",
+        "scene": "a toy",
         "command": "luxmeter reproduce toy-true",
-        "rows": [{
-            "id": "one.count", "quantity": "number of ones", "unit": "1", "published": 1.0, "measured": 1.0, "low": 1.0, "high": 1.0,
-        }],
-    }  # fmt: skip
+        "rows": [{"id": "one.count", "quantity": "number of ones", "unit": "1", **figures}],
+    }
     assert "toy-true (1 of 1): Toy claim that holds" in err
 
 
