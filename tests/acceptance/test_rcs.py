@@ -235,17 +235,22 @@ def test_r16_twice_the_light_is_twice_the_image() -> None:
 
 
 def test_h4_clamped_radii_with_steep_gradients_stay_bounded() -> None:
-    """Worst pixel at R_min = 0.25 m and 0.5 m, against records at every pixel: relative error under 1; the same without rule 4 is
-    over 1 in the worst case."""
+    """64×64, a = 0.25, linear order, R_min = 0.25 and 0.5 m, against records at every pixel: worst relative error under 1 with rules
+    1 and 4; with neither it is over 5."""
     scene = room_2()
     scale = scene.world().scale
-    worst = []
     for r_min in (0.25, 0.5):
-        limits = Limits(r_min * scale, 2.0, gradient=False)
-        _, canvas, here, sampler, _, _ = filled(scene, 0.25, 48, limits=limits)
-        exact = sampler(here).irradiance[:, 0]
-        worst.append(np.max(np.abs(canvas.irradiance[:, 0] - exact) / exact))
-    assert max(worst) < 1.0, worst
+        limits = Limits(r_min * scale, 2.0)
+        _, canvas, here, sampler, placement, records = filled(scene, 0.25, 64, Grid(16, 50), limits=limits, order="sequential")
+        exact = sampler(here)
+
+        def worst(value: F64, exact: F64 = exact.irradiance[:, 0]) -> float:
+            return float(np.max(np.abs(value[:, 0] - exact) / exact))
+
+        assert worst(canvas.irradiance) < 1.0
+        raw = sampler(Sites(records.position, records.normal, records.normal))
+        unscaled = replace(raw, radius=np.maximum(raw.radius, limits.smallest))
+        assert worst(gather(canvas.position, canvas.normal, unscaled, placement.a)[0]) > 5.0
 
 
 def test_h14_nothing_hit_gives_the_largest_radius_and_no_light() -> None:
@@ -263,7 +268,7 @@ def test_h18_the_background_gets_no_records() -> None:
     import renderers
 
     scene = renderers.load_scene("thin-wall")
-    frame = METHOD.render(scene, RcsSettings(rays=64, a=0.5), size=(32, 24))
+    frame = METHOD.render(scene, RcsSettings(rays=64, a=0.2), size=(32, 24))
     covered = cast_gbuffer(scene.world(), (32, 24)).covered
     assert 0 < frame.counters["records"] < covered.sum()
     assert frame.counters["pixels_missed"] == 0

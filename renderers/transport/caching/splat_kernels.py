@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderers.transport.caching.weights import weight_scalar
+from renderers.transport.caching.weights import weight
 
 HALF = 1 / np.sqrt(2)
 
@@ -34,7 +34,7 @@ def weight_at(kind, p, n, position, normal, radius, a):  # type: ignore[no-untyp
     if square > reach * reach:
         return 0.0
     bx, by, bz = n[0] - normal[0], n[1] - normal[1], n[2] - normal[2]
-    return weight_scalar(kind, np.sqrt(square) / radius, np.sqrt(bx * bx + by * by + bz * bz) * HALF, a)
+    return weight(kind, np.sqrt(square) / radius, np.sqrt(bx * bx + by * by + bz * bz) * HALF, a)
 
 
 @numba.njit(inline="always")

@@ -34,8 +34,9 @@ def checked_accuracy(a: float) -> float:
     return a
 
 
+@numba.njit(cache=True)
 def weight(kind: int, distance: float, bend: float, a: float) -> float:
-    """w of a point at distance / R and normal term `bend`, 0 outside of the zone; kind as in WEIGHTS."""
+    """w of a point at distance / R and normal term `bend`, 0 outside of the zone; kind as in WEIGHTS; callable from kernels."""
     e = distance + bend
     if kind == TENT:
         return max(1 - max(distance, bend) / a, RIM) if max(distance, bend) <= a else 0.0
@@ -43,6 +44,3 @@ def weight(kind: int, distance: float, bend: float, a: float) -> float:
         return 0.0
     ward = 1 / max(e, CAP)
     return max(ward - 1 / a, RIM) if kind == SHIFTED else ward
-
-
-weight_scalar = numba.njit(weight, cache=True)
