@@ -40,16 +40,18 @@ def tiles_of(rows: NDArray[np.intp], width: int, position: F32, normal: F32) -> 
     across = -(-width // (SIDE * BLOCK)) + 1
     block = (tile_y // BLOCK) * across + tile_x // BLOCK
     key = (block * BLOCK + tile_y % BLOCK) * BLOCK + tile_x % BLOCK
-    keys, tile = np.unique(key, return_inverse=True)
+    present = np.zeros(int(key.max(initial=-1)) + 1, np.bool_)
+    present[key] = True
+    keys = np.flatnonzero(present)
     pixel = np.full((len(keys), AREA), -1, np.int32)
-    pixel[tile, (y % SIDE) * SIDE + x % SIDE] = np.arange(len(rows))
+    pixel[np.cumsum(present)[key] - 1, (y % SIDE) * SIDE + x % SIDE] = np.arange(len(rows))
     filled = pixel >= 0
     # Empty places repeat a pixel of their tile, so that balls stay tight.
     some = pixel[np.arange(len(keys)), filled.argmax(axis=1)]
     source = np.where(filled, pixel, some[:, None])
     receivers = np.empty((len(keys), 6, AREA), np.float32)
     receivers[:, :3] = position[source].transpose(0, 2, 1)
-    normals = normal[source].transpose(0, 2, 1)
+    normals = np.ascontiguousarray(normal[source].transpose(0, 2, 1))
     receivers[:, 3:] = normals * filled[:, None, :]
     owner = keys // BLOCK**2
     first = np.append(np.flatnonzero(np.diff(owner, prepend=-1)), len(keys))
@@ -78,11 +80,11 @@ def bounds_of(position: F32, normal: F32, first: NDArray[np.integer]) -> F32:
         low = np.minimum.reduceat(points.min(axis=2), start).astype(np.float64)
         high = np.maximum.reduceat(points.max(axis=2), start)
         centre = (low + high) / 2
-        off = points - centre[group][:, :, None]
-        return centre, np.sqrt(np.maximum.reduceat(np.einsum("tkn,tkn->tn", off, off).max(axis=1), start))
+        off = points - centre.astype(np.float32)[group][:, :, None]
+        return centre, np.sqrt(np.maximum.reduceat((off * off).sum(axis=1).max(axis=1), start).astype(np.float64))
 
     centre, radius = ball(position)
     facing, spread = ball(normal)
-    floor = np.minimum.reduceat(np.einsum("tk,tkn->tn", facing[group], position).min(axis=1), start)
+    floor = np.minimum.reduceat((facing[group][:, :, None] * position).sum(axis=1).min(axis=1), start)
     # The kernels compare in float32: radii grow by the rounding of sizes up to 1.
     return np.concatenate([centre, radius[:, None] + ROUNDING, facing, spread[:, None], floor[:, None]], axis=1).astype(np.float32)
