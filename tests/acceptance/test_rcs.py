@@ -235,8 +235,8 @@ def test_r16_twice_the_light_is_twice_the_image() -> None:
 
 
 def test_h4_clamped_radii_with_steep_gradients_stay_bounded() -> None:
-    """64×64, a = 0.25, linear order, R_min = 0.25 and 0.5 m, against records at every pixel: worst relative error under 1 with rules
-    1 and 4; with neither it is over 5."""
+    """64×64, a = 0.25, linear order, R_min = 0.25 and 0.5 m, against records at every pixel: worst relative error under 1
+    with rules 1 and 4; with neither it is over 5."""
     scene = room_2()
     scale = scene.world().scale
     for r_min in (0.25, 0.5):
