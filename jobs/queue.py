@@ -13,14 +13,15 @@ import time
 import uuid
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, BinaryIO
 
 from pydantic import TypeAdapter
 
 from jobs.artifacts import Artifacts
 from jobs.durable import Client, load_plan
-from jobs.folder import cells_of, files_of
-from jobs.graph import graph
+from jobs.folder import cells_of, files_of, write_folder
+from jobs.graph import REPORT, graph
 from jobs.outcome import Order
 from jobs.plan import Plan, plan
 from jobs.points import reach
@@ -137,6 +138,12 @@ class JobQueue:
         """A file of the evaluation's folder (`index.html`, `assets/…`, `results.csv`, `images/…`); None where there is none yet."""
         name = files_of(self._plan(self.records.evaluation(id)), self.records.outcomes(id)).get(path)
         return None if name is None else self.artifacts.get(name)
+
+    def export(self, id: str, folder: Path) -> None:
+        """Write what the evaluation has so far as an evaluation folder, without its report."""
+        row = self.records.evaluation(id)
+        outcomes = {name: outcome for name, outcome in self.records.outcomes(id).items() if name != REPORT}
+        write_folder(self._plan(row), Order.model_validate_json(row["order"]), outcomes, self.artifacts, folder)
 
     def results(self, id: str) -> Results:
         """Results of the cells that are done, in the plan's order."""
