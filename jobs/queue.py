@@ -13,6 +13,7 @@ import time
 import uuid
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -80,7 +81,7 @@ class JobQueue:
 
     def order(self, planned: Plan, id: str, **how: Any) -> Order:
         """How to carry a plan out as evaluation `id`; stores the plan."""
-        stored = self.artifacts.put(TypeAdapter(Plan).dump_json(planned))
+        stored = self.artifacts.put(_plans().dump_json(planned))
         created = datetime.now(UTC).isoformat(timespec="seconds")
         return Order(evaluation=id, plan=stored, run=uuid.uuid4().hex[:16], created=created, **how)
 
@@ -89,11 +90,18 @@ class JobQueue:
         nodes = [(node, planned.renders[node.key].method if node.kind == "render" else None) for node in graph(planned)]
         request = planned.request.model_copy(update={"priority": priority})
         reach("submit before record")
-        self.records.add(order, request.model_dump_json(), priority, nodes, time.time())
+        created = time.time()
+        new = self.records.add(order, request.model_dump_json(), priority, nodes, created)
         reach("submit before enqueue")
-        self._enqueue(order.evaluation)
+        if new:
+            self._client.enqueue(order.evaluation, 1, priority)
+        else:
+            self._enqueue(order.evaluation)
         reach("submit after enqueue")
-        return self.status(order.evaluation)
+        if not new:
+            return self.status(order.evaluation)
+        cells, progress = cells_of(planned, {}, {}), {"done": 0, "total": len(nodes)}
+        return Status(order.evaluation, "queued", _iso(created), None, request, cells, progress)
 
     def status(self, id: str) -> Status:
         """State, progress and cells."""
@@ -191,6 +199,12 @@ class JobQueue:
 
     def _plan(self, row: Row) -> Plan:
         return load_plan(self.artifacts, Order.model_validate_json(row["order"]).plan)
+
+
+@cache
+def _plans() -> TypeAdapter[Plan]:
+    """Plans as JSON; making this takes longer than using it."""
+    return TypeAdapter(Plan)
 
 
 def _status(row: Row, done: int, cells: list[Cell]) -> Status:
