@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
+import os
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from service.tokens import TokenStore
 
 STOP_S = 20
 GRACE_S = 3
+NICER = 5  # a worker gives way to the service on the same machine; where nothing else wants to run, this changes nothing
 HEADERS_KIB = 32
 
 
@@ -67,6 +69,7 @@ def worker() -> None:
     from service.http import logs
 
     logs.configure()
+    os.nice(NICER)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
