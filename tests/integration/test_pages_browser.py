@@ -231,7 +231,7 @@ def test_no_page_is_wider_than_the_screen(page: Any, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 800})
     for path in PATHS:
         page.goto(path, wait_until="domcontentloaded")  # not "load": that waits for the previews of all scenes
-        page.wait_for_function("[...document.querySelectorAll('link[rel=stylesheet]')].every(e => e.sheet)")
+        page.wait_for_function("() => [...document.querySelectorAll('link[rel=stylesheet]')].every(e => e.sheet)")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, path
         assert page.evaluate(
             "[...document.querySelectorAll('input:not([type=hidden]), select')].every(e => e.labels.length > 0)"
