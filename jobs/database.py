@@ -18,9 +18,9 @@ META = sa.MetaData()
 EVALUATIONS = sa.Table(
     "luxmeter_evaluations", META,
     sa.Column("id", sa.String(80), primary_key=True),
-    sa.Column("created", sa.Float, nullable=False, index=True),
+    sa.Column("created", sa.Float, nullable=False),
     sa.Column("finished", sa.Float),
-    sa.Column("state", sa.String(16), nullable=False, index=True),
+    sa.Column("state", sa.String(16), nullable=False),
     sa.Column("priority", sa.Integer, nullable=False),
     sa.Column("attempt", sa.Integer, nullable=False),
     sa.Column("request", sa.Text, nullable=False),
@@ -28,6 +28,8 @@ EVALUATIONS = sa.Table(
     sa.Column("total", sa.Integer, nullable=False),
     sa.Column("events", sa.Integer, nullable=False),
     sa.Column("error", sa.Text),
+    sa.Index("luxmeter_evaluations_page", "created", "id"),
+    sa.Index("luxmeter_evaluations_state_page", "state", "created", "id"),
 )  # fmt: skip
 NODES = sa.Table(
     "luxmeter_nodes", META,

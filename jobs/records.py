@@ -75,9 +75,7 @@ class Records:
         if state is not None:
             query = query.where(EVALUATIONS.c.state == state)
         if before is not None:
-            created, id = before
-            older = EVALUATIONS.c.created < created
-            query = query.where(older | ((EVALUATIONS.c.created == created) & (EVALUATIONS.c.id < id)))
+            query = query.where(sa.tuple_(EVALUATIONS.c.created, EVALUATIONS.c.id) < before)
         with self.transaction() as c:
             return [dict(row) for row in c.execute(query).mappings()]
 
