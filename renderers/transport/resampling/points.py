@@ -1,0 +1,130 @@
+"""Points of constant density on a World's triangles (Laurent 2018, chapter 5): the CPU twin of `renderers.gl.resample`.
+
+    r_m = A_m / η*        r_m ≤ 1: one point with probability r_m            r_m > 1: cut into parts of ratio ≤ 1, each treated alike
+    Σ f(y) η* over the points ≈ ∫ f dA, without bias                         expected number |S| / η*
+
+Nothing is built and nothing but the points is stored. A triangle's decision depends on its vertices' numbers and on its area alone: while
+geometry stands still the set is the same, and where a part of it moves only the points of that part change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.scene.world import World
+from renderers.transport.resampling import kernels
+from renderers.transport.resampling.numbers import further, keys
+from renderers.transport.resampling.pattern import LARGEST, Rule, pattern
+
+U64 = NDArray[np.uint64]
+F32 = NDArray[np.float32]
+BELOW_ONE = np.nextafter(1.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """N points in the order of their triangles. triangle int64 (N,); u, v float32 (N,): weights of the second and third corner.
+
+    numbers uint64 (N, 2): 32 bits each, first of the draw, then of the place. chance float32 (N,): probability to be here.
+    weight float32 (N,): area over η* that the point stands for; 1, and more only where a triangle couldn't be cut up far enough.
+    """
+
+    triangle: NDArray[np.int64]
+    u: F32
+    v: F32
+    numbers: U64
+    chance: F32
+    weight: F32
+
+    def __len__(self) -> int:
+        return len(self.triangle)
+
+    @property
+    def level_number(self) -> NDArray[np.float64]:
+        """What the draw left over, uniform in [0, 1): number / chance. Levels drawn by it are those of equation 5.12.
+
+        A triangle that grows slides towards the denser levels, one that shrinks towards the sparser ones and then away.
+        """
+        uniform = (self.numbers[:, 0].astype(np.float64) + 0.5) / 2.0**32
+        return np.asarray(np.minimum(uniform / self.chance, BELOW_ONE))
+
+    def further(self, count: int) -> NDArray[np.float64]:
+        """More uniform numbers in [0, 1), float64 (N, count), that belong to the point and move with it."""
+        return further(self.numbers[:, 0], self.numbers[:, 1], count)
+
+    def sorted(self) -> Points:
+        """In the order of triangle, then numbers: the same for every way to draw them."""
+        order = np.lexsort([self.numbers[:, 1], self.numbers[:, 0], self.triangle])
+        return Points(
+            self.triangle[order], self.u[order], self.v[order], self.numbers[order], self.chance[order], self.weight[order]
+        )
+
+
+def resample(
+    world: World, area: float, seed: int = 0, shift: tuple[int, int] = (0, 0), rule: Rule = "even", carry: bool = True
+) -> Points:
+    """Points of one per `area` (η*, World units²) on average.
+
+    shift: 32-bit integers ⊕ the points' numbers; with fixed vertices each new pair gives another draw (progressive rendering).
+    rule, carry: "printed" and False show what the thesis's rules lose. Raises ValueError unless area > 0.
+    """
+    if not area > 0:
+        raise ValueError(f"the area of one point must be positive, got {area}")
+    inverse, own = np.float32(1 / area), keys(seed)
+    shifts = (np.uint64(shift[0]), np.uint64(shift[1]))
+    positions, triangles = world.positions, world.triangles
+    fate = np.empty(len(triangles), np.uint8)
+    kernels.decide(positions, triangles, inverse, own[0], shifts[0], fate)
+    rows = np.flatnonzero(fate == kernels.KEPT)
+    whole = _empty(rows)
+    kernels.keep_whole(positions, triangles, rows, inverse, own, shifts, carry, *_columns(whole))
+    large = np.flatnonzero(fate == kernels.LARGE)
+    if not len(large):
+        return _points(*whole)
+    parts = _parts(world, large, inverse, own, shifts, rule == "even", carry)
+    return _points(*(np.concatenate(pair) for pair in zip(whole, parts, strict=True))).sorted()
+
+
+def _parts(
+    world: World,
+    rows: NDArray[np.intp],
+    inverse: np.float32,
+    own: tuple[np.uint64, np.uint64],
+    shifts: tuple[np.uint64, np.uint64],
+    even: bool,
+    carry: bool,
+) -> tuple[NDArray[np.intp], U64, F32, F32, F32]:
+    """Points of the parts of large triangles: triangle, numbers, chances, weights, (u, v)."""
+    cuts = [kernels.cuts_of(kernels.ratio_of(world.positions, world.triangles[row], inverse))[0] for row in rows]
+    ends = np.cumsum(4 ** np.array(cuts, np.int64))
+    patch, ratios, numbers = np.empty((ends[-1], 4), np.int64), np.empty(ends[-1], np.float32), np.empty((ends[-1], 2), np.uint64)
+    starts = np.concatenate([[0], ends[:-1]])
+    kernels.patches(world.positions, world.triangles, rows, inverse, own, even, starts, patch, ratios, numbers)
+    used = set(np.unique(patch[:, 3]).tolist())
+    tables = [pattern(n) if n in used else np.zeros((0, 3, 2), np.int64) for n in range(LARGEST + 1)]
+    offsets, lattice = np.concatenate([[0], np.cumsum([len(t) for t in tables])]), np.concatenate(tables)
+    counts = np.empty(len(patch), np.int64)
+    kernels.count_parts(patch, ratios, numbers, offsets, lattice, shifts[0], counts)
+    found = _empty(np.repeat(patch[:, 0], counts))
+    first = np.cumsum(counts) - counts
+    kernels.keep_parts(patch, ratios, numbers, offsets, lattice, shifts, carry, first, *_columns(found))
+    return found
+
+
+def _empty(triangle: NDArray[np.intp]) -> tuple[NDArray[np.intp], U64, F32, F32, F32]:
+    count = len(triangle)
+    return (
+        triangle, np.empty((count, 2), np.uint64),
+        np.empty(count, np.float32), np.empty(count, np.float32), np.empty((count, 2), np.float32),
+    )  # fmt: skip
+
+
+def _columns(arrays: tuple[NDArray[np.intp], U64, F32, F32, F32]) -> tuple[U64, F32, F32, F32]:
+    return arrays[1:]
+
+
+def _points(triangle: NDArray[np.intp], numbers: U64, chance: F32, weight: F32, where: F32) -> Points:
+    return Points(triangle.astype(np.int64), where[:, 0], where[:, 1], numbers, chance, weight)
