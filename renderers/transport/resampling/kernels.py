@@ -65,7 +65,7 @@ def keep_whole(positions, triangles, rows, inverse, keys, shifts, carry, numbers
 
 @numba.njit(cache=True)
 def carried(ratio, carry):  # type: ignore[no-untyped-def]
-    """(probability, weight): a surplus of area over that of one point goes into the weight, so nothing is lost whatever the area."""
+    """(probability, weight): a surplus of area over that of one point goes into the weight, so that nothing is lost."""
     if not carry:
         return ratio, np.float32(1)
     return min(ratio, np.float32(1)), max(ratio, np.float32(1))
@@ -83,7 +83,7 @@ def cuts_of(ratio):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def cell(path, times):  # type: ignore[no-untyped-def]
-    """Quarter of a quarter of …: (u, v) of its first corner and its signed size. Each base-4 digit of path picks one, 3 the middle."""
+    """Quarter of a quarter of …: (u, v) of its first corner, and its signed size. Base-4 digits of path pick, 3 the middle one."""
     u, v, size = np.float32(0), np.float32(0), np.float32(1)
     for step in range(times):
         size *= np.float32(0.5)

@@ -1,12 +1,12 @@
 """How OpenGL's tessellator cuts a triangle when all four levels are n, with equal spacing; and which n to ask for.
 
-Barycentric coordinates are multiples of 1/(3n). Ring j is a triangle whose sides have n - 2j segments; between two rings lies a strip;
-odd n end with a triangle in the middle, even n with a point. All parts have 2/(3n²) of the area, but the middle one of odd n, which has
-1/n²: 1.5 times as much. So odd n can leave a part larger than asked for, whose surplus the thesis's rule (5.15, 5.16) loses: up to
-3.4 % of the points. `level` therefore gives even n only.
+Barycentric coordinates are multiples of 1/(3n). Ring j is a triangle whose sides have n - 2j segments; between two rings lies a
+strip; odd n end with a triangle in the middle, even n with a point. All parts have 2/(3n²) of the area, but the middle one of odd
+n, which has 1/n²: 1.5 times as much. So odd n can leave a part larger than asked for, whose surplus the thesis's rule (5.15, 5.16)
+loses: up to 3.4 % of the points. `level` therefore gives even n only.
 
-The diagonals of a strip are the implementation's own; here they turn round at the middle of a side, as Direct3D's definition and Mesa have
-them. A device with others draws other points of the same density.
+The diagonals of a strip are the implementation's own; here they turn round at the middle of a side, as in Direct3D's definition and
+in Mesa. A device with others draws other points of the same density.
 """
 
 from __future__ import annotations

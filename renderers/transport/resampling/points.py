@@ -1,18 +1,20 @@
 """Points of constant density on a World's triangles (Laurent 2018, chapter 5): the CPU twin of `renderers.gl.resample`.
 
-    r_m = A_m / η*        r_m ≤ 1: one point with probability r_m            r_m > 1: cut into parts of ratio ≤ 1, each treated alike
-    Σ f(y) η* over the points ≈ ∫ f dA, without bias                         expected number |S| / η*
+    r_m = A_m / η*        r_m ≤ 1: one point with probability r_m        r_m > 1: cut into parts of ratio ≤ 1, each treated alike
+    Σ f(y) η* over the points ≈ ∫ f dA, without bias                     expected number |S| / η*
 
-Nothing is built and nothing but the points is stored. A triangle's decision depends on its vertices' numbers and on its area alone: while
-geometry stands still the set is the same, and where a part of it moves only the points of that part change.
+Nothing is built and nothing but the points is stored. A triangle's decision depends on its vertices' numbers and on its area alone:
+while geometry stands still the set is the same, and where a part of it moves only the points of that part change.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from renderers.scene.world import World
 from renderers.transport.resampling import kernels
@@ -21,6 +23,7 @@ from renderers.transport.resampling.pattern import LARGEST, Rule, pattern
 
 U64 = NDArray[np.uint64]
 F32 = NDArray[np.float32]
+Arrays = tuple[NDArray[np.intp], U64, F32, F32, F32]
 BELOW_ONE = np.nextafter(1.0, 0.0)
 
 
@@ -63,6 +66,18 @@ class Points:
         )
 
 
+def progressive_shift(draw: int) -> tuple[int, int]:
+    """Shift of the draw-th of a sequence of draws: Sobol' points in (keep; b, c), of which each shifts all numbers alike.
+
+    ⊕ with a constant is a digital shift: each draw by itself stays unbiased, and the error of their mean falls faster than the root
+    of their number. Draw 0: none.
+    """
+    if draw == 0:
+        return 0, 0
+    keep, b, c = (qmc.Sobol(3, scramble=False, bits=32).fast_forward(draw).random(1)[0] * 2.0**32).astype(np.uint64)
+    return int(keep), int((c >> np.uint64(16)) << np.uint64(16) | b >> np.uint64(16))
+
+
 def resample(
     world: World, area: float, seed: int = 0, shift: tuple[int, int] = (0, 0), rule: Rule = "even", carry: bool = True
 ) -> Points:
@@ -80,29 +95,40 @@ def resample(
     kernels.decide(positions, triangles, inverse, own[0], shifts[0], fate)
     rows = np.flatnonzero(fate == kernels.KEPT)
     whole = _empty(rows)
-    kernels.keep_whole(positions, triangles, rows, inverse, own, shifts, carry, *_columns(whole))
+    kernels.keep_whole(positions, triangles, rows, inverse, own, shifts, carry, *whole[1:])
     large = np.flatnonzero(fate == kernels.LARGE)
     if not len(large):
         return _points(*whole)
-    parts = _parts(world, large, inverse, own, shifts, rule == "even", carry)
-    return _points(*(np.concatenate(pair) for pair in zip(whole, parts, strict=True))).sorted()
+    parts = _parts(positions, triangles, large, inverse, own, shifts, rule == "even", carry)
+    return _points(*_joined(whole, parts)).sorted()
+
+
+@cache
+def warm_up() -> None:
+    """Compile the kernels, or load them from numba's cache; once a process."""
+    positions, key = np.eye(3, dtype=np.float32), (np.uint64(0), np.uint64(0))
+    triangles, rows, one = np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int64), np.float32(1)
+    kernels.decide(positions, triangles, one, key[0], key[0], np.empty(1, np.uint8))
+    kernels.keep_whole(positions, triangles, rows, one, key, key, True, *_empty(rows)[1:])
+    _parts(positions, triangles, rows, np.float32(8), key, key, True, True)
 
 
 def _parts(
-    world: World,
+    positions: F32,
+    triangles: NDArray[np.int32],
     rows: NDArray[np.intp],
     inverse: np.float32,
     own: tuple[np.uint64, np.uint64],
     shifts: tuple[np.uint64, np.uint64],
     even: bool,
     carry: bool,
-) -> tuple[NDArray[np.intp], U64, F32, F32, F32]:
+) -> Arrays:
     """Points of the parts of large triangles: triangle, numbers, chances, weights, (u, v)."""
-    cuts = [kernels.cuts_of(kernels.ratio_of(world.positions, world.triangles[row], inverse))[0] for row in rows]
+    cuts = [kernels.cuts_of(kernels.ratio_of(positions, triangles[row], inverse))[0] for row in rows]
     ends = np.cumsum(4 ** np.array(cuts, np.int64))
     patch, ratios, numbers = np.empty((ends[-1], 4), np.int64), np.empty(ends[-1], np.float32), np.empty((ends[-1], 2), np.uint64)
     starts = np.concatenate([[0], ends[:-1]])
-    kernels.patches(world.positions, world.triangles, rows, inverse, own, even, starts, patch, ratios, numbers)
+    kernels.patches(positions, triangles, rows, inverse, own, even, starts, patch, ratios, numbers)
     used = set(np.unique(patch[:, 3]).tolist())
     tables = [pattern(n) if n in used else np.zeros((0, 3, 2), np.int64) for n in range(LARGEST + 1)]
     offsets, lattice = np.concatenate([[0], np.cumsum([len(t) for t in tables])]), np.concatenate(tables)
@@ -110,11 +136,11 @@ def _parts(
     kernels.count_parts(patch, ratios, numbers, offsets, lattice, shifts[0], counts)
     found = _empty(np.repeat(patch[:, 0], counts))
     first = np.cumsum(counts) - counts
-    kernels.keep_parts(patch, ratios, numbers, offsets, lattice, shifts, carry, first, *_columns(found))
+    kernels.keep_parts(patch, ratios, numbers, offsets, lattice, shifts, carry, first, *found[1:])
     return found
 
 
-def _empty(triangle: NDArray[np.intp]) -> tuple[NDArray[np.intp], U64, F32, F32, F32]:
+def _empty(triangle: NDArray[np.intp]) -> Arrays:
     count = len(triangle)
     return (
         triangle, np.empty((count, 2), np.uint64),
@@ -122,8 +148,11 @@ def _empty(triangle: NDArray[np.intp]) -> tuple[NDArray[np.intp], U64, F32, F32,
     )  # fmt: skip
 
 
-def _columns(arrays: tuple[NDArray[np.intp], U64, F32, F32, F32]) -> tuple[U64, F32, F32, F32]:
-    return arrays[1:]
+def _joined(a: Arrays, b: Arrays) -> Arrays:
+    return (
+        np.concatenate([a[0], b[0]]), np.concatenate([a[1], b[1]]), np.concatenate([a[2], b[2]]),
+        np.concatenate([a[3], b[3]]), np.concatenate([a[4], b[4]]),
+    )  # fmt: skip
 
 
 def _points(triangle: NDArray[np.intp], numbers: U64, chance: F32, weight: F32, where: F32) -> Points:
