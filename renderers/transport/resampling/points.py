@@ -79,12 +79,20 @@ def progressive_shift(draw: int) -> tuple[int, int]:
 
 
 def resample(
-    world: World, area: float, seed: int = 0, shift: tuple[int, int] = (0, 0), rule: Rule = "even", carry: bool = True
+    world: World,
+    area: float,
+    seed: int = 0,
+    shift: tuple[int, int] = (0, 0),
+    *,
+    rule: Rule = "even",
+    carry: bool = True,
+    patches: int | None = None,
 ) -> Points:
     """Points of one per `area` (η*, World units²) on average.
 
     shift: 32-bit integers ⊕ the points' numbers; with fixed vertices each new pair gives another draw (progressive rendering).
-    rule, carry: "printed" and False show what the thesis's rules lose. Raises ValueError unless area > 0.
+    rule, carry: "printed" and False show what the thesis's rules lose. patches: room for so many; large triangles that don't fit
+    get one point each, with all their weight. Raises ValueError unless area > 0.
     """
     if not area > 0:
         raise ValueError(f"the area of one point must be positive, got {area}")
@@ -93,13 +101,17 @@ def resample(
     positions, triangles = world.positions, world.triangles
     fate = np.empty(len(triangles), np.uint8)
     kernels.decide(positions, triangles, inverse, own[0], shifts[0], fate)
+    large = np.flatnonzero(fate == kernels.LARGE)
+    ends = np.cumsum([4 ** kernels.cuts_of(kernels.ratio_of(positions, triangles[t], inverse))[0] for t in large], dtype=np.int64)
+    if patches is not None:
+        fate[large[ends > patches]] = kernels.KEPT
+        large, ends = large[ends <= patches], ends[ends <= patches]
     rows = np.flatnonzero(fate == kernels.KEPT)
     whole = _empty(rows)
     kernels.keep_whole(positions, triangles, rows, inverse, own, shifts, carry, *whole[1:])
-    large = np.flatnonzero(fate == kernels.LARGE)
     if not len(large):
         return _points(*whole)
-    parts = _parts(positions, triangles, large, inverse, own, shifts, rule == "even", carry)
+    parts = _parts(positions, triangles, large, ends, inverse, own, shifts, rule == "even", carry)
     return _points(*_joined(whole, parts)).sorted()
 
 
@@ -110,22 +122,21 @@ def warm_up() -> None:
     triangles, rows, one = np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int64), np.float32(1)
     kernels.decide(positions, triangles, one, key[0], key[0], np.empty(1, np.uint8))
     kernels.keep_whole(positions, triangles, rows, one, key, key, True, *_empty(rows)[1:])
-    _parts(positions, triangles, rows, np.float32(8), key, key, True, True)
+    _parts(positions, triangles, rows, rows + 1, np.float32(8), key, key, True, True)
 
 
 def _parts(
     positions: F32,
     triangles: NDArray[np.int32],
     rows: NDArray[np.intp],
+    ends: NDArray[np.int64],
     inverse: np.float32,
     own: tuple[np.uint64, np.uint64],
     shifts: tuple[np.uint64, np.uint64],
     even: bool,
     carry: bool,
 ) -> Arrays:
-    """Points of the parts of large triangles: triangle, numbers, chances, weights, (u, v)."""
-    cuts = [kernels.cuts_of(kernels.ratio_of(positions, triangles[row], inverse))[0] for row in rows]
-    ends = np.cumsum(4 ** np.array(cuts, np.int64))
+    """Points of the parts of large triangles, whose patches end at `ends`: triangle, numbers, chances, weights, (u, v)."""
     patch, ratios, numbers = np.empty((ends[-1], 4), np.int64), np.empty(ends[-1], np.float32), np.empty((ends[-1], 2), np.uint64)
     starts = np.concatenate([[0], ends[:-1]])
     kernels.patches(positions, triangles, rows, inverse, own, even, starts, patch, ratios, numbers)
