@@ -179,7 +179,8 @@ def test_pages_work_by_keyboard(page: Any, queue: FakeQueue) -> None:
 def test_no_page_is_wider_than_the_screen(page: Any, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 800})
     for path in PATHS:
-        page.goto(path, wait_until="domcontentloaded")
+        page.goto(path, wait_until="domcontentloaded")  # not "load": that waits for the previews of all scenes
+        page.wait_for_function("[...document.querySelectorAll('link[rel=stylesheet]')].every(e => e.sheet)")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, path
         assert page.evaluate(
             "[...document.querySelectorAll('input:not([type=hidden]), select')].every(e => e.labels.length > 0)"
