@@ -269,7 +269,7 @@ def test_gl_and_cpu_draw_the_same_points(expected: int, rules: dict[str, object]
 
 
 def test_t_19_lattice_points_have_numbers_of_their_own() -> None:
-    """A texture of 256² texels, as in the thesis, gives each its own up to n = 64 (one of 128² doesn't); the hash here always does."""
+    """A texture of 256² texels gives each its own up to n = 64 (one of 128² doesn't); the hash that stands here always does."""
     for n in range(1, 65):
         points = np.unique(pattern(n).reshape(-1, 2), axis=0)
         texels = np.unique(np.minimum(points * 256 // (3 * n), 255), axis=0)

@@ -12,7 +12,6 @@ from renderers.transport.resampling.numbers import number, placed
 from renderers.transport.resampling.pattern import MOST, level
 
 DROPPED, KEPT, LARGE = 0, 1, 2
-CHUNK = 1 << 14
 FULL = np.float32(2.0**32)
 
 
@@ -38,18 +37,16 @@ def of_corners(corners, key):  # type: ignore[no-untyped-def]
     return number(np.uint64(corners[0]), key) ^ number(np.uint64(corners[1]), key) ^ number(np.uint64(corners[2]), key)
 
 
-@numba.njit(parallel=True, cache=True)
-def decide(positions, triangles, inverse, key, shift, fate):  # type: ignore[no-untyped-def]
-    """Fate of each triangle, uint8 (T,): DROPPED, KEPT with one point, or LARGE. Degenerate ones have no area and are dropped."""
-    count = len(triangles)
-    for chunk in numba.prange((count + CHUNK - 1) // CHUNK):
-        for t in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            ratio = ratio_of(positions, triangles[t], inverse)
-            fate[t] = DROPPED
-            if ratio > np.float32(1) and ratio < np.inf:
-                fate[t] = LARGE
-            elif ratio > np.float32(0) and ratio < np.inf and kept(of_corners(triangles[t], key) ^ shift, ratio):
-                fate[t] = KEPT
+@numba.njit(nogil=True, cache=True)
+def decide(positions, triangles, start, stop, inverse, key, shift, fate):  # type: ignore[no-untyped-def]
+    """Fate of triangles start … stop - 1, uint8: DROPPED, KEPT with one point, or LARGE. Degenerate ones have no area: dropped."""
+    for t in range(start, stop):
+        ratio = ratio_of(positions, triangles[t], inverse)
+        fate[t] = DROPPED
+        if ratio > np.float32(1) and ratio < np.inf:
+            fate[t] = LARGE
+        elif ratio > np.float32(0) and ratio < np.inf and kept(of_corners(triangles[t], key) ^ shift, ratio):
+            fate[t] = KEPT
 
 
 @numba.njit(cache=True)
@@ -128,10 +125,10 @@ def chance_of(part, n, ratio):  # type: ignore[no-untyped-def]
     return ratio * np.float32(abs(twice)) / np.float32(9 * n * n)
 
 
-@numba.njit(parallel=True, cache=True)
-def count_parts(patch, ratios, numbers, offsets, lattice, shift, counts):  # type: ignore[no-untyped-def]
-    """Kept parts of each patch, int64 (P,). lattice[offsets[n] : offsets[n + 1]] is the pattern of level n."""
-    for p in numba.prange(len(patch)):
+@numba.njit(nogil=True, cache=True)
+def count_parts(patch, ratios, numbers, begin, end, offsets, lattice, shift, counts):  # type: ignore[no-untyped-def]
+    """Kept parts of patches begin … end - 1, int64. lattice[offsets[n] : offsets[n + 1]] is the pattern of level n."""
+    for p in range(begin, end):
         n, found = patch[p, 3], 0
         for at in range(offsets[n], offsets[n + 1]):
             chance = chance_of(lattice[at], n, ratios[p])
@@ -139,10 +136,10 @@ def count_parts(patch, ratios, numbers, offsets, lattice, shift, counts):  # typ
         counts[p] = found
 
 
-@numba.njit(parallel=True, cache=True)
-def keep_parts(patch, ratios, numbers, offsets, lattice, shifts, carry, starts, found, chances, weights, where):  # type: ignore[no-untyped-def]
-    """Points of the kept parts, from starts[p] on; arrays as `keep_whole`, where: (u, v) in the whole triangle."""
-    for p in numba.prange(len(patch)):
+@numba.njit(nogil=True, cache=True)
+def keep_parts(patch, ratios, numbers, begin, end, offsets, lattice, shifts, carry, starts, found, chances, weights, where):  # type: ignore[no-untyped-def]
+    """Points of the kept parts, patch p's from starts[p] on; arrays as `keep_whole`, where: (u, v) in the whole triangle."""
+    for p in range(begin, end):
         n, i = patch[p, 3], starts[p]
         u, v, size = cell(patch[p, 1], patch[p, 2])
         for at in range(offsets[n], offsets[n + 1]):

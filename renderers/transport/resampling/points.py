@@ -20,10 +20,12 @@ from renderers.scene.world import World
 from renderers.transport.resampling import kernels
 from renderers.transport.resampling.numbers import further, keys
 from renderers.transport.resampling.pattern import LARGEST, Rule, pattern
+from renderers.transport.threads import chunks, in_threads
 
 U64 = NDArray[np.uint64]
 F32 = NDArray[np.float32]
 Arrays = tuple[NDArray[np.intp], U64, F32, F32, F32]
+TRIANGLES, PATCHES = 1 << 16, 1 << 10
 BELOW_ONE = np.nextafter(1.0, 0.0)
 
 
@@ -100,7 +102,11 @@ def resample(
     shifts = (np.uint64(shift[0]), np.uint64(shift[1]))
     positions, triangles = world.positions, world.triangles
     fate = np.empty(len(triangles), np.uint8)
-    kernels.decide(positions, triangles, inverse, own[0], shifts[0], fate)
+
+    def decide(part: slice) -> None:
+        kernels.decide(positions, triangles, part.start, part.stop, inverse, own[0], shifts[0], fate)
+
+    in_threads(decide, chunks(len(triangles), TRIANGLES))
     large = np.flatnonzero(fate == kernels.LARGE)
     ends = np.cumsum([4 ** kernels.cuts_of(kernels.ratio_of(positions, triangles[t], inverse))[0] for t in large], dtype=np.int64)
     if patches is not None:
@@ -120,7 +126,7 @@ def warm_up() -> None:
     """Compile the kernels, or load them from numba's cache; once a process."""
     positions, key = np.eye(3, dtype=np.float32), (np.uint64(0), np.uint64(0))
     triangles, rows, one = np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int64), np.float32(1)
-    kernels.decide(positions, triangles, one, key[0], key[0], np.empty(1, np.uint8))
+    kernels.decide(positions, triangles, 0, 1, one, key[0], key[0], np.empty(1, np.uint8))
     kernels.keep_whole(positions, triangles, rows, one, key, key, True, *_empty(rows)[1:])
     _parts(positions, triangles, rows, rows + 1, np.float32(8), key, key, True, True)
 
@@ -144,10 +150,18 @@ def _parts(
     tables = [pattern(n) if n in used else np.zeros((0, 3, 2), np.int64) for n in range(LARGEST + 1)]
     offsets, lattice = np.concatenate([[0], np.cumsum([len(t) for t in tables])]), np.concatenate(tables)
     counts = np.empty(len(patch), np.int64)
-    kernels.count_parts(patch, ratios, numbers, offsets, lattice, shifts[0], counts)
+
+    def count(part: slice) -> None:
+        kernels.count_parts(patch, ratios, numbers, part.start, part.stop, offsets, lattice, shifts[0], counts)
+
+    in_threads(count, chunks(len(patch), PATCHES))
     found = _empty(np.repeat(patch[:, 0], counts))
     first = np.cumsum(counts) - counts
-    kernels.keep_parts(patch, ratios, numbers, offsets, lattice, shifts, carry, first, *found[1:])
+
+    def keep(part: slice) -> None:
+        kernels.keep_parts(patch, ratios, numbers, part.start, part.stop, offsets, lattice, shifts, carry, first, *found[1:])
+
+    in_threads(keep, chunks(len(patch), PATCHES))
     return found
 
 
