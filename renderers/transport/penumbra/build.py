@@ -17,6 +17,7 @@ from renderers.transport.penumbra.cameras import cameras_of
 from renderers.transport.penumbra.depth import depth_maps
 from renderers.transport.penumbra.emitters import Emitter
 from renderers.transport.penumbra.functions import PenumbraMap
+from renderers.transport.penumbra.lockstep import aligned_cameras
 from renderers.transport.penumbra.pyramid import Pyramid, pyramids_around
 
 F32 = NDArray[np.float32]
@@ -99,7 +100,7 @@ def build(
 ) -> LightShadows:
     """Build the maps of `emitter` from light points (N, 3).
 
-    resolution: pixels across 90° of a pyramid. map_resolution: texels across a shadow map. near: distance of the near plane from
+    resolution: pixels across 90° of a pyramid. map_resolution: texels across a shadow map, at least (their pitch fits the pixels). near: distance of the near plane from
     the light, in half sizes of the light. casters: bool (T,), which triangles cast (all but the emitter's own by default); the
     others receive.
     """
@@ -113,21 +114,28 @@ def _one(
 ) -> PenumbraMap:
     texels = 0.5 if how.walk == "exact" else 1.5
     pixels = pyramid.pitch * (1.0 if slope.filter == "bilinear" else 0.5)
-    make = map_maker(pyramid, corners, resolution, texels, pixels, slope.limit)
-    return assemble(pyramid, cameras_of(pyramid, pyramid.local(points), resolution), make, how, counters)
+    local = pyramid.local(points)
+    fitting = aligned_cameras(pyramid, local, resolution) if how.walk == "exact" else None
+    if fitting is None:
+        make = map_maker(pyramid, corners, (resolution, resolution), texels, pixels, slope.limit)
+        return assemble(pyramid, cameras_of(pyramid, local, resolution), make, how, counters)
+    cameras, grid = fitting
+    return assemble(
+        pyramid, cameras, map_maker(pyramid, corners, grid.shape, texels, pixels, slope.limit), how, counters, grid
+    )
 
 
 def map_maker(
-    pyramid: Pyramid, corners: F64, resolution: int, texels: float = 0.0, pixels: float = 0.0, limit: float = 0.0
+    pyramid: Pyramid, corners: F64, shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0, limit: float = 0.0
 ) -> MapMaker:
-    """Makes shadow maps float32 (N, resolution, resolution) of World triangles (T, 3, 3) for cameras; the rest as in
+    """Makes shadow maps float32 (N, *shape) of World triangles (T, 3, 3) for cameras; the rest as in
     `depth_maps`.
     """
     local = pyramid.local(corners)
     local = np.ascontiguousarray(local[(local[:, :, 2] > 0).any(axis=1)])
 
     def make(cameras: F64) -> F32:
-        maps = np.empty((len(cameras), resolution, resolution), np.float32)
+        maps = np.empty((len(cameras), *shape), np.float32)
         depth_maps(local, np.ascontiguousarray(cameras), maps, texels, pixels, limit)
         return maps
 

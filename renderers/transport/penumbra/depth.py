@@ -33,31 +33,38 @@ def depth_maps(corners, cameras, maps, texels, pixels, limit):  # type: ignore[n
     """
     for i in numba.prange(len(cameras)):
         maps[i].fill(np.inf)
+        p, e = np.empty((3, 3)), np.empty((3, 3))
         for t in range(len(corners)):
-            _rasterize(corners[t], cameras[i], maps[i], texels, pixels, limit)
+            _rasterize(corners[t], cameras[i], maps[i], texels, pixels, limit, p, e)
 
 
 @numba.njit(nogil=True, cache=True)
-def _rasterize(corners, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
-    """One triangle into one map."""
-    p = np.empty((3, 3))
+def _rasterize(corners, camera, depth, texels, pixels, limit, p, e):  # type: ignore[no-untyped-def]
+    """One triangle into one map; p, e (3, 3): room for its corners in the camera's frame, and its edges."""
     for k in range(3):
         x, y, z = corners[k, 0] - camera[S], corners[k, 1] - camera[S + 1], corners[k, 2] - camera[S + 2]
         for r in range(3):
             p[k, r] = camera[3 * r] * x + camera[3 * r + 1] * y + camera[3 * r + 2] * z
     if p[0, 2] <= FRONT and p[1, 2] <= FRONT and p[2, 2] <= FRONT:
         return
-    e = np.empty((3, 3))
+    columns = _bounds(p, 0, camera[U0], camera[DU], depth.shape[1])
+    if columns[0] >= columns[1]:
+        return
+    rows = _bounds(p, 1, camera[V0], camera[DV], depth.shape[0])
+    if rows[0] >= rows[1]:
+        return
     for k in range(3):
-        a, b = p[(k + 1) % 3], p[(k + 2) % 3]
-        e[k, 0], e[k, 1], e[k, 2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        a, b = (k + 1) % 3, (k + 2) % 3
+        e[k, 0] = p[a, 1] * p[b, 2] - p[a, 2] * p[b, 1]
+        e[k, 1] = p[a, 2] * p[b, 0] - p[a, 0] * p[b, 2]
+        e[k, 2] = p[a, 0] * p[b, 1] - p[a, 1] * p[b, 0]
     det = p[0, 0] * e[0, 0] + p[0, 1] * e[0, 1] + p[0, 2] * e[0, 2]
     if det == 0:
         return
     if det < 0:
         det = -det
         e *= -1.0
-    _fill(p, e, det, camera, depth, texels, pixels, limit)
+    _fill(columns, rows, e, det, camera, depth, texels, pixels, limit)
 
 
 @numba.njit(inline="always")
@@ -67,22 +74,20 @@ def _bounds(p, axis, start, step, size):  # type: ignore[no-untyped-def]
         return 0, size
     a, b, c = p[0, axis] / p[0, 2], p[1, axis] / p[1, 2], p[2, axis] / p[2, 2]
     low, high = (min(a, b, c) - start) / step - 0.5, (max(a, b, c) - start) / step - 0.5
-    # min and max before int: far out of the window a float does not fit one
-    return int(np.floor(min(max(low, 0.0), float(size)))), int(np.ceil(max(min(high, size - 1.0), -1.0))) + 1
+    # a thousandth of a texel for rounding; min and max before int: far out of the window a float does not fit one
+    return int(np.ceil(min(max(low - 1e-3, 0.0), float(size)))), int(np.floor(max(min(high + 1e-3, size - 1.0), -1.0))) + 1
 
 
 @numba.njit(inline="always")
-def _fill(p, e, det, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
+def _fill(columns, rows, e, det, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
     du, dv = camera[DU], camera[DV]
-    x_first, x_last = _bounds(p, 0, camera[U0], du, depth.shape[1])
-    y_first, y_last = _bounds(p, 1, camera[V0], dv, depth.shape[0])
     nx, ny, nz = e[0, 0] + e[1, 0] + e[2, 0], e[0, 1] + e[1, 1] + e[2, 1], e[0, 2] + e[1, 2] + e[2, 2]
     # depth of the camera over the apex, for pixels of the pyramid seen from this camera
     ahead = camera[6] * camera[S] + camera[7] * camera[S + 1] + camera[8] * camera[S + 2]
-    for y in range(y_first, y_last):
+    for y in range(rows[0], rows[1]):
         v = camera[V0] + (y + 0.5) * dv
         c0, c1, c2 = e[0, 1] * v + e[0, 2], e[1, 1] * v + e[1, 2], e[2, 1] * v + e[2, 2]
-        for x in range(x_first, x_last):
+        for x in range(columns[0], columns[1]):
             u = camera[U0] + (x + 0.5) * du
             if e[0, 0] * u + c0 < 0 or e[1, 0] * u + c1 < 0 or e[2, 0] * u + c2 < 0:
                 continue

@@ -45,7 +45,7 @@ class FilteredMaps:
         for pyramid in self._pyramids:
             cameras = cameras_of(pyramid, pyramid.local(points), resolution)
             extent = np.abs(pyramid.local(light)[:, :2]).max(axis=0)
-            self._parts.append((cameras, map_maker(pyramid, corners, resolution)(cameras), extent))
+            self._parts.append((cameras, map_maker(pyramid, corners, (resolution, resolution))(cameras), extent))
             counters["shadow_maps"] += len(cameras)
 
     def hidden(self, positions: F64, normals: F64, kernel: Kernel) -> F32:
