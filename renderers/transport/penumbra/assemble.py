@@ -3,9 +3,9 @@
 Within a pixel events are sorted by depth; all that lie within `merge` of the first of a group change V at once, at the last depth
 of the group (an exit and an entry at one depth never leave [0, 1] in between). V is the running sum over N.
 
-Where the maps of all light points fit the bound, they are made once and every tile is finished at once: only few rows' events exist.
-Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Tiles of rows are independent and taken
-by the first free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
+Where the maps of all light points fit the bound, they are made once and every tile is finished at once: only few rows' events
+exist. Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Tiles of rows are independent and
+taken by the first free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.transport.penumbra.compress import NONE, PERPENDICULAR, VERTICAL, compress
+from renderers.transport.penumbra.cameras import DU, DV
+from renderers.transport.penumbra.compress import NONE, PERPENDICULAR, VERTICAL, compress, fitted
 from renderers.transport.penumbra.functions import PenumbraMap
 from renderers.transport.penumbra.lockstep import Grid, interleaved, tile_events
 from renderers.transport.penumbra.pyramid import Pyramid
@@ -31,6 +32,8 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 MapMaker = Callable[[F64], F32]
 METHODS = {"none": NONE, "vertical": VERTICAL, "perpendicular": PERPENDICULAR}
+# texels to each side of its centre that a stored depth stands for
+HALF_TEXELS = {"exact": 0.5, "midpoint": 1.5}
 EVENT_BYTES = 9
 TILE = 8
 REARRANGED = 16
@@ -43,7 +46,8 @@ class Construction:
 
     merge: events closer than this change V at once; None: 2⁻¹⁴ of the depth range (St-Amour 2004 §3.1, the interval is not
     published). compression with its tolerance epsilon; kappa: scale of the perpendicular metric's depth axis, its range is [0,
-    kappa]; None: such that no vertex moves by more than half of `bias`, at least 1. memory: bound in bytes on maps and events that
+    kappa]; None: such that no vertex moves by more than half of `bias`, at least 1. budget: vertices that no function may exceed,
+    0: any number; a pixel over it gets the least tolerance of its own that fits. memory: bound in bytes on maps and events that
     live at once.
     """
 
@@ -53,6 +57,7 @@ class Construction:
     compression: Literal["none", "vertical", "perpendicular"] = "vertical"
     epsilon: float = 0.02
     kappa: float | None = None
+    budget: int = 0
     memory: int = 1 << 30
 
 
@@ -82,7 +87,8 @@ def assemble(
     """The penumbra deep shadow map of `cameras` (N, CAMERA); make_maps(cameras[a:b]) returns their depths, float32 (b - a, h, w).
 
     grid: where the cameras come from `aligned_cameras`, its second result; the exact walk is then that of `lockstep`, with the same
-    events. counters: adds `shadow_maps`, `rays_walked`, `texels_walked`, `events` and `vertices`. Raises ValueError without cameras.
+    events. counters: adds `shadow_maps`, `rays_walked`, `texels_walked`, `events` and `vertices`. Raises ValueError without
+    cameras.
     """
     if not len(cameras):
         raise ValueError("a penumbra deep shadow map needs at least one light point")
@@ -106,6 +112,7 @@ def assemble(
     packed = PenumbraMap(
         pyramid,
         len(cameras),
+        HALF_TEXELS[how.walk] * float(cameras[:, [DU, DV]].max()),
         np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]),
         np.concatenate([tile.depth for tile in finished]),
         np.concatenate([tile.value for tile in finished]),
@@ -186,13 +193,13 @@ def _reduced(pyramid: Pyramid, rows: range, parts: list[_Events], cameras: int, 
     if kappa is None:
         kappa = max(1.0, 2 * how.epsilon * span / how.bias) if how.bias > 0 else 100.0
     counts, depth, value = reduce_tile(
-        pyramid.width * len(rows), pixel, z, sign, cameras, merge, METHODS[how.compression], how.epsilon, kappa / span
+        pyramid.width * len(rows), pixel, z, sign, cameras, merge, METHODS[how.compression], how.epsilon, kappa / span, how.budget
     )
     return _Tile(counts, depth, value, len(z), sum(part.steps for part in parts))
 
 
 @numba.njit(nogil=True, cache=True)
-def reduce_tile(pixels, pixel, z, sign, samples, merge, method, epsilon, scale):  # type: ignore[no-untyped-def]
+def reduce_tile(pixels, pixel, z, sign, samples, merge, method, epsilon, scale, budget):  # type: ignore[no-untyped-def]
     """Events (E,) of some pixels, in any order, to packed functions: counts int64 (pixels,), depth, value float32 (M,).
 
     An event is sorted as one integer: the bits of a positive float rise with it, and its sign fills the freed bit.
@@ -217,6 +224,8 @@ def reduce_tile(pixels, pixel, z, sign, samples, merge, method, epsilon, scale):
         own.sort()
         n = accumulate(own, samples, merge, step_z, step_v)
         m = compress(step_z, step_v, n, method, epsilon, scale, out_z, out_v)
+        if budget > 0 and m > budget:
+            m = fitted(step_z, step_v, n, method, epsilon, scale, budget, out_z, out_v)
         for k in range(m):
             depth[total + k], value[total + k] = out_z[k], out_v[k]
         counts[p] = m

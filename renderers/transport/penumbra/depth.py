@@ -11,7 +11,9 @@ A plane does not shadow itself if
     b_s ≥ |∂Z/∂u| (c_S Δu_S + c_P Δu_P) + |∂Z/∂v| (c_S Δv_S + c_P Δv_P)
 
 because a map's texel stands for points up to half a texel away (c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to
-one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). b_s is limited, so that grazing surfaces still cast.
+one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). It is at most half the way to the second surface of the texel
+(midpoint shadow maps, Woo 1992): next to a solid's side the bias only reaches into the solid, and what a thin sheet shades stays
+shaded.
 """
 
 from __future__ import annotations
@@ -32,14 +34,18 @@ def depth_maps(corners, cameras, maps, texels, pixels, limit):  # type: ignore[n
     largest b_s, World units (0: plain depth).
     """
     for i in numba.prange(len(cameras)):
-        maps[i].fill(np.inf)
+        first = maps[i]
+        first.fill(np.inf)
+        slope, second = np.zeros_like(first), np.full_like(first, np.inf)
         p, e = np.empty((3, 3)), np.empty((3, 3))
         for t in range(len(corners)):
-            _rasterize(corners[t], cameras[i], maps[i], texels, pixels, limit, p, e)
+            _rasterize(corners[t], cameras[i], first, second, slope, texels, pixels, p, e)
+        if limit > 0:
+            _add_bias(first, second, slope, limit)
 
 
 @numba.njit(nogil=True, cache=True)
-def _rasterize(corners, camera, depth, texels, pixels, limit, p, e):  # type: ignore[no-untyped-def]
+def _rasterize(corners, camera, depth, second, slope, texels, pixels, p, e):  # type: ignore[no-untyped-def]
     """One triangle into one map; p, e (3, 3): room for its corners in the camera's frame, and its edges."""
     for k in range(3):
         x, y, z = corners[k, 0] - camera[S], corners[k, 1] - camera[S + 1], corners[k, 2] - camera[S + 2]
@@ -64,7 +70,7 @@ def _rasterize(corners, camera, depth, texels, pixels, limit, p, e):  # type: ig
     if det < 0:
         det = -det
         e *= -1.0
-    _fill(columns, rows, e, det, camera, depth, texels, pixels, limit)
+    _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels)
 
 
 @numba.njit(inline="always")
@@ -79,7 +85,7 @@ def _bounds(p, axis, start, step, size):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(inline="always")
-def _fill(columns, rows, e, det, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
+def _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels):  # type: ignore[no-untyped-def]
     du, dv = camera[DU], camera[DV]
     nx, ny, nz = e[0, 0] + e[1, 0] + e[2, 0], e[0, 1] + e[1, 1] + e[2, 1], e[0, 2] + e[1, 2] + e[2, 2]
     # depth of the camera over the apex, for pixels of the pyramid seen from this camera
@@ -94,9 +100,19 @@ def _fill(columns, rows, e, det, camera, depth, texels, pixels, limit):  # type:
             across = nx * u + ny * v + nz
             if across <= 0:
                 continue
-            z = det / across
-            wide = pixels * max((z + ahead) / z, 0.0)
-            slope = z * z / det * (abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide))
-            biased = z + min(slope, limit)
-            if biased < depth[y, x]:
-                depth[y, x] = biased
+            z = np.float32(det / across)
+            if z < depth[y, x]:
+                second[y, x], depth[y, x] = depth[y, x], z
+                wide = pixels * max((z + ahead) / z, 0.0)
+                slope[y, x] = z * z / det * (abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide))
+            elif z < second[y, x]:
+                second[y, x] = z
+
+
+@numba.njit(nogil=True, cache=True)
+def _add_bias(first, second, slope, limit):  # type: ignore[no-untyped-def]
+    """first + b_s, at most half way to the second surface."""
+    for y in range(first.shape[0]):
+        for x in range(first.shape[1]):
+            if first[y, x] < np.inf:
+                first[y, x] += min(slope[y, x], limit, (second[y, x] - first[y, x]) / 2)
