@@ -21,7 +21,7 @@ from pydantic import TypeAdapter
 from jobs.errors import describe
 from jobs.files import write_text
 from jobs.points import reach
-from jobs.tasks import PilotTask, ReferenceTask, RenderTask, Task
+from jobs.tasks import AnyTask, ClaimTask, PilotTask, RenderTask, Task
 
 PR_SET_PDEATHSIG = 1
 Progress = Callable[[dict[str, Any]], None]
@@ -31,7 +31,7 @@ def main(arguments: list[str]) -> int:
     """Exit code 0 when the task was done, 1 when it failed."""
     task_file, answer_file, progress_fd, parent = arguments
     die_with(int(parent))
-    task: RenderTask | PilotTask | ReferenceTask = TypeAdapter(Task).validate_json(Path(task_file).read_text())
+    task: AnyTask = TypeAdapter(Task).validate_json(Path(task_file).read_text())
     with open(int(progress_fd), "w", buffering=1) as stream:
         try:
             answer = carry_out(task, lambda event: print(json.dumps(event), file=stream))
@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> int:
     return 1 if "error" in answer else 0
 
 
-def carry_out(task: RenderTask | PilotTask | ReferenceTask, progress: Progress) -> dict[str, Any]:
+def carry_out(task: AnyTask, progress: Progress) -> dict[str, Any]:
     """Do the task in this process."""
     if isinstance(task, RenderTask):
         from jobs.rendering import render
@@ -54,6 +54,10 @@ def carry_out(task: RenderTask | PilotTask | ReferenceTask, progress: Progress) 
         from jobs.rendering import run_pilot
 
         return run_pilot(task)
+    if isinstance(task, ClaimTask):
+        from jobs.reproducing import reproduce
+
+        return reproduce(task, progress)
     from jobs.referencing import reference
 
     return reference(task, progress)

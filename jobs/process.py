@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
 from jobs.errors import Failure, TaskError
-from jobs.tasks import PilotTask, ReferenceTask, RenderTask
+from jobs.tasks import AnyTask
 
 POLL_S = 0.1
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,9 +40,7 @@ class Limits:
     cancel: Flag = field(default_factory=threading.Event)
 
 
-def run_task(
-    task: RenderTask | PilotTask | ReferenceTask, limits: Limits, progress: Callable[[dict[str, Any]], None]
-) -> dict[str, Any]:
+def run_task(task: AnyTask, limits: Limits, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
     """Carry out the task in a child process; returns what it answers. Raises TaskError in one line, with the child's log."""
     with tempfile.TemporaryDirectory(prefix="luxmeter-") as folder:
         order, answer, log = Path(folder, "task.json"), Path(folder, "answer.json"), Path(folder, "log.txt")

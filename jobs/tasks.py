@@ -80,4 +80,13 @@ class ReferenceTask(BaseModel):
     store: str | None = None
 
 
-Task = Annotated[RenderTask | PilotTask | ReferenceTask, Field(discriminator="kind")]
+class ClaimTask(BaseModel):
+    """Measure one published claim; the answer is its document."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    kind: Literal["claim"] = "claim"
+    claim: str
+
+
+AnyTask = RenderTask | PilotTask | ReferenceTask | ClaimTask
+Task = Annotated[AnyTask, Field(discriminator="kind")]

@@ -21,6 +21,7 @@ from service.commands._nightly import nightly
 from service.commands._reference import reference
 from service.commands._remote import cancel, fetch, retry, status, submit
 from service.commands._render import render
+from service.commands._reproduce import reproduce
 from service.commands._scenes import scenes
 from service.commands._serve import serve, worker
 from service.commands._token import token
@@ -45,7 +46,7 @@ def luxmeter(
 
 
 for command in (
-    doctor, scenes, methods, render, reference, evaluate, nightly, compare, accept,
+    doctor, scenes, methods, render, reference, evaluate, reproduce, nightly, compare, accept,
     serve, worker, submit, status, cancel, retry, fetch,
 ):  # fmt: skip
     app.command()(command)

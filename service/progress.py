@@ -52,7 +52,9 @@ def evaluation_progress(plan: Plan, quiet: bool) -> Iterator[Callable[[Event], N
 
 
 def describe(detail: dict[str, Any]) -> str:
-    """What a child told, in words: frames done, or noise reached and seconds to go."""
+    """What a child told, in words: what it is doing, frames done, or noise reached and seconds to go."""
+    if "doing" in detail:
+        return str(detail["doing"])
     if "noise" in detail:
         eta = detail.get("eta")
         return f"noise {detail['noise']:.4f}" + ("" if eta is None else f", {eta:.0f} s to go")

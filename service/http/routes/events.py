@@ -24,6 +24,15 @@ router = APIRouter(prefix="/v1/evaluations", tags=["evaluations"])
 STREAM, LIST = "text/event-stream", "application/json"
 KEEP_ALIVE_S = 15.0
 LARGEST = 2**53 - 1
+EVENT = {  # before OpenAPI 3.2, the schema of a stream of events describes each event
+    "type": "object",
+    "required": ["data"],
+    "properties": {
+        "id": {"type": "string", "pattern": "^[0-9]+$", "description": "The event's `seq`; none on the last one."},
+        "event": {"enum": ["message", "end"]},
+        "data": {"type": "string", "contentMediaType": "application/json", "contentSchema": {"type": "object"}},
+    },
+}
 Sequence = Annotated[int | None, Query(ge=0, le=LARGEST, description="Only events with a greater `seq`.")]
 LastEvent = Annotated[int | None, Header(alias="Last-Event-ID", ge=0, le=LARGEST, description="Sent by a client that reconnects.")]
 
@@ -35,7 +44,7 @@ LastEvent = Annotated[int | None, Header(alias="Last-Event-ID", ge=0, le=LARGEST
     responses={
         200: {
             "description": "Events as they happen, each with `id: SEQ`; the last one is called `end`. As JSON: the events so far.",
-            "content": {STREAM: {"schema": {"type": "string"}}, LIST: {"schema": {"$ref": "#/components/schemas/EventPage"}}},
+            "content": {STREAM: {"schema": EVENT}, LIST: {"schema": {"$ref": "#/components/schemas/EventPage"}}},
         },
         **documented(
             "unauthorized", "forbidden", "not-found", "not-acceptable", "validation-failed", "too-many-requests", "unavailable"
