@@ -10,10 +10,10 @@ A plane does not shadow itself if
 
     b_s ≥ |∂Z/∂u| (c_S Δu_S + c_P Δu_P) + |∂Z/∂v| (c_S Δv_S + c_P Δv_P)
 
-because a map's texel stands for points up to half a texel away (c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to
-one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). It is at most half the way to the second surface of the texel
-(midpoint shadow maps, Woo 1992): next to a solid's side the bias only reaches into the solid, and what a thin sheet shades stays
-shaded.
+(to first order; b_s is the exact difference of the plane's depths) because a map's texel stands for points up to half a texel away
+(c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). It
+is at most half the way to the second surface of the texel (midpoint shadow maps, Woo 1992): next to a solid's side the bias only
+reaches into the solid, and what a thin sheet shades stays shaded.
 """
 
 from __future__ import annotations
@@ -104,7 +104,8 @@ def _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels): 
             if z < depth[y, x]:
                 second[y, x], depth[y, x] = depth[y, x], z
                 wide = pixels * max((z + ahead) / z, 0.0)
-                slope[y, x] = z * z / det * (abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide))
+                lean = abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide)
+                slope[y, x] = z * lean / (across - lean) if across > lean else np.inf
             elif z < second[y, x]:
                 second[y, x] = z
 

@@ -4,9 +4,9 @@ A flat light in the plane of the apex has cameras parallel to the pyramid. All r
 
     x(q) = (u - s_x q - u_0) / Δu,        q = 1 / Z,
 
-and where Δu divides the pixels' pitch (or is a multiple of it: every r-th pixel) they have one fraction of a texel at every q. So they
-cross texel edges at the same depths, and each step is one comparison over a contiguous piece of a map's row: 64 texels at a time
-instead of one. A light whose points lie in front of the plane, or turned cameras, need the general `walk`.
+and where Δu divides the pixels' pitch (or is a multiple of it: every r-th pixel) they have one fraction of a texel at every q.
+They cross texel edges at the same depths, and each step is one comparison over a contiguous piece of a map's row: 64 texels at a
+time instead of one. A light whose points lie in front of the plane, or turned cameras, need the general `walk`.
 
 Texels get the pitch Δ = pitch / m or r · pitch, at least as fine as asked. With q = 0 rays pass through texel centres, so a point
 light's maps are the pyramid's own pixels.
