@@ -45,8 +45,12 @@ class DssSettings(OneBounceSettings):
     """Settings of deep screen space."""
 
     radius: float = setting(0.3, "R, how far a surfel's light reaches, in scene radii", unit="r", source=f"{PAPER} §4", gt=0, le=2)
-    surfel_size: float = setting(16.0, "longest edge of a surfel as seen from the eye", unit="px", source=f"{PAPER} §4", ge=0.25, le=1024)
-    levels: int = setting(6, "a triangle becomes 4^levels surfels at most (OpenGL's tessellator: 64 × 64)", source=PAPER, ge=0, le=10)
+    surfel_size: float = setting(
+        16.0, "longest edge of a surfel as seen from the eye", unit="px", source=f"{PAPER} §4", ge=0.25, le=1024
+    )
+    levels: int = setting(
+        6, "a triangle becomes 4^levels surfels at most (OpenGL's tessellator: 64 × 64)", source=PAPER, ge=0, le=10
+    )
     interleave: Literal[1, 2, 4, 8] = setting(
         1, "s: each surfel in one of s² sub-images, then a filter; sizes must be divisible by s", source=f"{PAPER} §5"
     )

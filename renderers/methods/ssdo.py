@@ -49,7 +49,9 @@ class SsdoSettings(OneBounceSettings):
 
     radius: float = setting(0.2, "r_max, farthest sample, in scene radii", unit="r", source=f"{PAPER} §3", gt=0, le=2)
     samples: int = setting(32, "N, samples per pixel", source=f"{PAPER} §3", ge=1, le=1024)
-    block: Literal[1, 2, 4, 8] = setting(4, "side of the blocks of pixels that share samples; 1: no filter", unit="px", source=PAPER)
+    block: Literal[1, 2, 4, 8] = setting(
+        4, "side of the blocks of pixels that share samples; 1: no filter", unit="px", source=PAPER
+    )
     bias: float = setting(0.05, "least sine of a blocker's height over the receiver's horizon", ge=0, le=1)
     sky_visibility: Literal["screen", "raycast"] = setting("screen", "shadows of the environment", source=f"{PAPER} §3")
 

@@ -1,7 +1,7 @@
 """Gradients of irradiance from photons alone: hemisphere cells of flux become radiance, its differences become gradients.
 
-M × N cells of equal projected solid angle, sin²θ_j = j/M, φ_k = 2πk/N: the flux Φ_jk of the photons that came through a cell stands for
-the radiance L_jk = Φ_jk/A · MN/π (Gautron 2006, equation 6.11), and
+M × N cells of equal projected solid angle, sin²θ_j = j/M, φ_k = 2πk/N: the flux Φ_jk of photons that came through a cell stands
+for the radiance L_jk = Φ_jk/A · MN/π (Gautron 2006, equation 6.11), and
 
     ∇_r = Σ_jk L_jk v̂_k 2π/N [θ/2 - sin 2θ/4]                                                   over the cell's row
     ∇_p = Σ_k û_k 2π/N Σ_{j≥1} sinθ_j cos²θ_j (L_jk - L_{j-1,k})/r̄  +  v̂_k- Σ_j (sinθ_{j+1} - sinθ_j)(L_jk - L_{j,k-1})/r̄
@@ -24,7 +24,7 @@ NOISE = 2.1
 
 @numba.njit(nogil=True, cache=True)
 def cell_sums(u, v, w, flux, distance, count, rows, columns, power, inverse, hits):  # type: ignore[no-untyped-def]
-    """Add photons to cells (rows, columns): power (rows, columns, 3), Σ 1/d, and hits; u, v, w: local direction, w along the normal."""
+    """Add photons to cells (rows, columns): power (…, 3), Σ 1/d, and hits; u, v, w: local direction, w along the normal."""
     for i in range(count):
         sin2 = min(u[i] * u[i] + v[i] * v[i], 1.0 - 1e-12)
         if w[i] <= 0.0:

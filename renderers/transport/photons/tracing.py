@@ -37,8 +37,8 @@ class Photons(NamedTuple):
     """Stored photons, one row each. Flux is already divided by the photons emitted: Σ Φ / area is irradiance in W·m⁻².
 
     position, direction, flux, normal float32 (N, 3): direction is unit, towards where the photon came from; normal is the unit
-    shading normal, turned to the side the photon came from. distance float32 (N,): way since the last reflection. bounce int16 (N,):
-    reflections before this hit, 0 straight from a light. triangle int32 (N,): row of World.triangles that was hit.
+    shading normal, turned to the side the photon came from. distance float32 (N,): way since the last reflection. bounce int16
+    (N,): reflections before this hit, 0 straight from a light. triangle int32 (N,): row of World.triangles that was hit.
     Positions and distances are in World units, and so is flux (W · scale²).
     """
 

@@ -2,9 +2,9 @@
 
     covered  ⟺  some record k has |p - p_k|/R_k + √(1 - n·n_k) ≤ a                   Gautron 2006, equation 6.1 (repaired: 1/a)
 
-A record depends on the photons alone, not on other records: so the next `BATCH` uncovered photons are worked out at once, in parallel,
-and then entered one by one, passing over those that a record entered before covers by now. The records are those of the sequential walk,
-bit by bit, at any thread count; every photon is covered when the walk ends.
+A record depends on the photons alone, not on other records: so the next `BATCH` uncovered photons are worked out at once, in
+parallel, and then entered one by one, passing over those that a record entered before covers by now. The records are those of the
+sequential walk, bit by bit, at any thread count; every photon is covered when the walk ends.
 """
 
 from __future__ import annotations

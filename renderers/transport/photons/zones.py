@@ -20,13 +20,17 @@ from renderers.transport.photons.hull import hull_area, sampled_area
 from renderers.transport.photons.tree import nearest, within
 
 OFF, THRESHOLDED, SHRUNK = 0, 1, 2
+GRADIENTS = {"off": OFF, "thresholded": THRESHOLDED, "shrunk": SHRUNK}
 NEAREST_WAY = 2e-4
 GROWTH = 1.5
 
 
 class Recipe(NamedTuple):
-    """How records are made. a, smallest and largest R (World units), knn = K, n_min, estimator (`hull`), gradients (OFF …), n_grad,
-    cells (rows, columns)."""
+    """How records are made.
+
+    a: accuracy; smallest, largest: limits of R, World units; knn = K; n_min; estimator: see `hull`; gradients: OFF, THRESHOLDED or
+    SHRUNK; n_grad; rows, columns: hemisphere cells.
+    """
 
     a: float
     smallest: float
@@ -41,8 +45,11 @@ class Recipe(NamedTuple):
 
 
 class Zones(NamedTuple):
-    """Records of C places: radius R (C,), irradiance (C, 3), translation, rotation (C, 3, 3) [channel, component], float64; what they
-    were made from: count int64 (C,), photons of the zone; reach (C,), its radius r; area (C,); vertices int64 (C,) of the hull."""
+    """Records of C places, and what they were made from.
+
+    radius R (C,), irradiance (C, 3), translation, rotation (C, 3, 3) [channel, component], float64; count int64 (C,): photons of the
+    zone; reach (C,), its radius r; area (C,); vertices int64 (C,) of the hull.
+    """
 
     radius: NDArray[np.float64]
     irradiance: NDArray[np.float64]
