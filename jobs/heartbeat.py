@@ -75,6 +75,8 @@ class Heartbeat:
                 self._beat(engine, client)
             except (StoreError, sa.exc.SQLAlchemyError) as error:  # the next beat may find it there again
                 log.warning("heartbeat: %s", error)
+            except Exception:  # the thread's edge: a worker that falls silent loses all its work
+                log.exception("heartbeat")
             if self._ended.wait(self._lease_s / 4):
                 return
 
