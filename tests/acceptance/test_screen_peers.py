@@ -38,8 +38,8 @@ def _software_device(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_software_device")
 @pytest.mark.parametrize(("method", "within"), [(PEERS[0], 0.03), (PEERS[2], 0.02)], ids=["rsm", "dss"])
 def test_one_bounce_between_plates_is_the_form_factor(method: Any, within: float) -> None:
-    """Each pixel of the lower plate against Lambert's polygon formula. dss: a surfel is 2 pixels wide, midpoint quadrature. rsm: 1/13
-    of the disc is lit, so some 1,260 of 16,384 samples count; those of a Sobol' set err by less than 1/√1260 = 3 %."""
+    """Each pixel of the lower plate against Lambert's polygon formula. dss: a surfel is 2 pixels wide, midpoint quadrature. rsm: of
+    the disc 1/13 is lit, so some 1,260 of 16,384 samples count; those of a Sobol' set err by less than 1/√1260 = 3 %."""
     scene = renderers.load_scene("parallel-plates")
     world, g = scene.world(), cast_gbuffer(scene.world(), SIZE)
     found = indirect(method, scene, eps_b=0.0, **WHOLE[method.name] | ({"samples": 16384} if method.name == "rsm" else {}))
@@ -176,7 +176,7 @@ def test_open_sky_without_blockers_is_the_albedo() -> None:
 
 @pytest.mark.usefixtures("_software_device")
 def test_a_wall_in_view_blocks_the_sky_as_its_form_factor_says() -> None:
-    """Before an endless wall of height h, at distance z, the sky's share is (1 + z/√(z²+h²))/2. Not all samples go as far as the wall:
+    """Before an endless wall of height h, at distance z, the sky's share is (1 + z/√(z²+h²))/2. Not all samples go as far as that:
     λ is uniform in [0, r_max], so a blocker at distance s hides a share (1 - s/r_max) of its directions. Hence the loss lies
     between 0 and the form factor, grows to the wall, and ends at r_max."""
     scene = open_floor(True)
