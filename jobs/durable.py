@@ -7,28 +7,33 @@ dies loses nothing: its workflows go on after the last step that was recorded. A
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 from dbos import DBOS, DBOSClient, Serializer, SetEnqueueOptions, SetWorkflowID
+from dbos._dbos import _get_dbos_instance
+from dbos._utils import INTERNAL_QUEUE_NAME
 from pydantic import TypeAdapter
 
 from jobs.artifacts import Artifacts
-from jobs.database import is_sqlite, prepare_file, readable_errors, with_driver
+from jobs.database import IDLE_S, is_sqlite, prepare_file, readable_errors, with_driver
 from jobs.errors import StoreError, TaskError, describe
-from jobs.graph import REPORT, Node, graph
+from jobs.graph import REPORT, Node, graph, startable, withdrawable
+from jobs.monitor import Monitor, Watched
 from jobs.outcome import CANCELLED, Order, Outcome
 from jobs.plan import Plan
 from jobs.points import reach
 from jobs.records import Records
+from jobs.strays import PATIENCE_S, Stray, Strays
+from jobs.values import from_text, to_text
 from jobs.work import Bench, carry_out
 from reports.folder import State
 
@@ -36,47 +41,33 @@ NAME = "luxmeter"
 VERSION = "1"  # raised when the order of the workflows' steps changes; work of another version waits for a worker of that version
 ORCHESTRA = "orchestra"
 LIMITS = {"gl": 1, "reference": 1, "light": 2, ORCHESTRA: 64}  # workflows of a queue that one worker runs at once
-WINDOW = 32  # nodes of one evaluation that wait in a queue or run
 DEATHS = 3  # a node is given up when its worker died this often
-ASK_S = 0.25
 PROGRESS_S = 1.0
+AWAY_S = 1.0  # between two questions to a database that does not answer
 ENDED = ("SUCCESS", "ERROR", "CANCELLED", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 Observer = Callable[[Node, State, dict[str, Any], str | None], None]
+Answer = TypeVar("Answer")
 log = logging.getLogger(__name__)
 
 
 class Json(Serializer):
-    """Values in the database are JSON: whoever can write there must not thereby run code in the workers."""
+    """How values lie in the database; see `jobs.values`."""
 
     def serialize(self, data: Any) -> str:
-        """Exceptions become their description, times ISO 8601."""
-        return json.dumps(data, default=_tagged)
+        """A value as text."""
+        return to_text(data)
 
     def deserialize(self, serialized_data: str) -> Any:
-        """The inverse; an exception comes back as a RuntimeError with its description."""
-        return json.loads(serialized_data, object_hook=_untagged)
+        """The value of a text."""
+        return from_text(serialized_data)
 
     def name(self) -> str:
         """Stands beside each value in the database."""
         return "luxmeter_json"
 
 
-def _tagged(value: Any) -> dict[str, str]:
-    if isinstance(value, datetime):
-        return {"__time__": value.isoformat()}
-    if isinstance(value, BaseException):
-        return {"__error__": f"{type(value).__name__}: {value}"}
-    raise TypeError(f"{type(value).__name__} is not kept in the database")
-
-
-def _untagged(value: dict[str, Any]) -> Any:
-    if set(value) == {"__time__"}:
-        return datetime.fromisoformat(value["__time__"])
-    return RuntimeError(value["__error__"]) if set(value) == {"__error__"} else value
-
-
 class Stopped(BaseException):
-    """This worker ends: the workflow under way stays as it is and is taken up by the next worker. Not recorded by DBOS."""
+    """This execution ends: its workflow stays as it is and is taken up again, here or by another worker. Not recorded by DBOS."""
 
 
 class Client:
@@ -98,6 +89,12 @@ class Client:
         with readable_errors(self.url):
             self._client.enqueue(options, id, attempt)
 
+    def register(self, poll_s: float) -> None:
+        """Make the queues known: an engine that finds them when it starts begins to take work at once, and else a second later."""
+        with readable_errors(self.url):
+            for name, limit in LIMITS.items():
+                self._client.register_queue(name, worker_concurrency=limit, polling_interval_sec=poll_s)
+
     def forget(self, id: str) -> None:
         """Delete all workflows of an evaluation."""
         with readable_errors(self.url):
@@ -117,25 +114,26 @@ class Client:
 class Engine:
     """Runs workflows in this process, one engine a process. Between `start` and `stop`, work of the listed queues is taken.
 
-    executor: name of this worker, unique among the live ones, and the same after a restart. nightly: called when `cron` says.
+    executor: name of this worker, unique among the live ones, and the same after a restart. idle_s: how long a transaction, or work
+    that was taken, may stand still before others get on with it. nightly: called when `cron` says.
     """
 
     def __init__(
-        self, url: str, executor: str, records: Records, bench: Bench, *, poll_s: float = 0.5, observer: Observer | None = None,
-        nightly: Callable[[datetime], None], cron: str | None,
+        self, url: str, executor: str, records: Records, bench: Bench, *, poll_s: float = 0.5, idle_s: float = IDLE_S,
+        observer: Observer | None = None, nightly: Callable[[datetime], None], cron: str | None,
     ) -> None:  # fmt: skip
         self.url, self.executor, self.records, self.bench, self.poll_s = url, executor, records, bench, poll_s
-        self.nightly, self.cron = nightly, cron
+        self.idle_s, self.nightly, self.cron = idle_s, nightly, cron
         self.observer: Observer = observer or (lambda node, state, detail, error: None)
         self.news = threading.Condition()
         self.stopping = threading.Event()
-        self._watched: dict[str, Watched] = {}
+        self.strays = Strays(executor, min(idle_s, PATIENCE_S))
         self._told: dict[str, float] = {}
         self._lock = threading.Lock()
-        self._monitor = threading.Thread(target=self._watch, name="luxmeter-monitor", daemon=True)
+        self._monitor = Monitor(records, executor, _look)
 
     def start(self) -> None:
-        """Take up what this executor left when it died, and begin to take work."""
+        """Take up what this executor left when it died, and begin to take work from the queues that a Client has registered."""
         global _engine
         with readable_errors(self.url):
             prepare_file(self.url)
@@ -144,13 +142,12 @@ class Engine:
                     "name": NAME, "system_database_url": _address(self.url), "executor_id": self.executor, "serializer": Json(),
                     "application_version": VERSION, "log_level": "ERROR", "scheduler_polling_interval_sec": 2.0,
                     "notification_listener_polling_interval_sec": self.poll_s, "use_listen_notify": False,
+                    "sys_db_idle_transaction_timeout_sec": self.idle_s,
                 }
             )  # fmt: skip
             _engine = self
             DBOS.listen_queues(list(LIMITS))
             DBOS.launch()
-            for name, limit in LIMITS.items():
-                DBOS.register_queue(name, worker_concurrency=limit, polling_interval_sec=self.poll_s, on_conflict="always_update")
             if self.cron is not None:
                 DBOS.apply_schedules([{"schedule_name": "nightly", "workflow_fn": nightly, "schedule": self.cron}])
         self._monitor.start()
@@ -162,51 +159,65 @@ class Engine:
         with self.news:
             self.news.notify_all()
         end = time.monotonic() + 10
-        while self._watched and time.monotonic() < end:
+        while self._monitor.busy() and time.monotonic() < end:
             time.sleep(0.02)
         DBOS.destroy()
-        self._monitor.join()
+        self._monitor.stop()
         _engine = None
 
     def recover(self, executors: Sequence[str]) -> None:
         """Put the unfinished work of dead executors back into its queues; rows that a live one has taken since stay as they are."""
         DBOS._recover_pending_workflows(list(executors))
 
+    def sweep(self, live: set[str]) -> None:
+        """Put work back into its queue that nobody does: see `jobs.strays`. live: the executors that live."""
+        rows = DBOS.list_workflows(status="PENDING", app_version=VERSION, load_input=False, load_output=False)
+        taken = [Stray(row.workflow_id, row.executor_id or "", row.dequeued_at) for row in rows]
+        for stray in self.strays.among(taken, live, time.monotonic()):
+            log.warning("%s was left by %s: it is queued again", stray.workflow, stray.executor)
+            _requeue(stray)
+
     def work(self, id: str, attempt: int, name: str) -> Outcome:
         """Do one node's work in this thread; raises Stopped when this worker ends first."""
         plan, order = self.plan_of(id)
         node = next(node for node in graph(plan) if node.id == name)
         watched = Watched(id, attempt, workflow_id(id, attempt, name), always=node.queue == "light")
-        with self._lock:
-            self._watched[watched.workflow] = watched
-        try:
-            self.records.start(id, attempt, name, self.executor, _facts(node))
+        with self._monitor.watching(watched):
+            self.patiently(lambda: self.records.start(id, attempt, name, self.executor, _facts(node)))
             self.observer(node, "running", {}, None)
-            before = self.records.outcomes(id)
+            before = self.patiently(lambda: self.records.outcomes(id))
             after = {key: before[key] for key in node.after if key in before}
             bench = replace(
                 self.bench, asked=lambda: self._asked(watched), progress=lambda detail: self._progress(id, node, detail)
             )
             reach(f"{node.kind} before work")
-            if not watched.always and not self.records.wanted(id, attempt):
+            if not watched.always and not self.patiently(lambda: self.records.wanted(id, attempt)):
                 return CANCELLED
             return carry_out(plan, order, node, after, bench)
-        finally:
-            with self._lock:
-                self._watched.pop(watched.workflow, None)
 
     def ended(self, id: str, attempt: int, name: str, outcome: Outcome) -> None:
         """Write a node's end down and wake those that wait for it."""
         node = next(node for node in graph(self.plan_of(id)[0]) if node.id == name)
-        self.records.end(id, attempt, name, outcome, _facts(node))
+        self.patiently(lambda: self.records.end(id, attempt, name, outcome, _facts(node)))
         self.observer(node, outcome.state, {}, outcome.error)
         with self.news:
             self.news.notify_all()
 
     def plan_of(self, id: str) -> tuple[Plan, Order]:
         """Plan and order of an evaluation."""
-        order = Order.model_validate_json(self.records.evaluation(id)["order"])
+        row = self.patiently(lambda: self.records.evaluation(id))
+        order = Order.model_validate_json(row["order"])
         return load_plan(self.bench.artifacts, order.plan), order
+
+    def patiently(self, ask: Callable[[], Answer]) -> Answer:
+        """Ask the database until it answers: one that is full, locked or away holds the work up, and fails none of it."""
+        while True:
+            try:
+                return ask()
+            except (StoreError, sa.exc.SQLAlchemyError) as error:
+                log.warning("waiting for the database: %s", error)
+            if self.stopping.wait(AWAY_S):
+                raise Stopped
 
     def _asked(self, watched: Watched) -> None:
         if self.stopping.is_set():
@@ -221,45 +232,10 @@ class Engine:
             if now - self._told.get(id, -PROGRESS_S) < PROGRESS_S:
                 return
             self._told[id] = now
-        self.records.say(id, {"type": "progress", "node": node.id, "detail": detail, **_facts(node)})
-
-    def _watch(self) -> None:
-        """Ask the database again and again whether the work of this process is still wanted and still ours."""
-        while not self.stopping.wait(ASK_S):
-            with self._lock:
-                watched = list(self._watched.values())
-            if not watched:
-                continue
-            try:
-                self._look_at(watched)
-            except (StoreError, sa.exc.SQLAlchemyError) as error:  # a database that is away for a while is no reason to stop
-                log.warning("can't ask whether work is still wanted: %s", error)
-
-    def _look_at(self, watched: Sequence[Watched]) -> None:
-        known = DBOS.list_workflows(workflow_ids=[w.workflow for w in watched], load_input=False, load_output=False)
-        rows = {status.workflow_id: status for status in known}
-        for one in watched:
-            row = rows.get(one.workflow)
-            if (
-                row is None
-                or row.status != "PENDING"
-                or row.executor_id != self.executor
-                or one.since not in (None, row.dequeued_at)
-            ):
-                one.reason = TaskError("another worker has taken this over", failure="abandoned")
-            else:
-                one.since = row.dequeued_at
-            if not one.always and not self.records.wanted(one.evaluation, one.attempt):
-                one.reason = TaskError("cancelled", failure="cancelled")
-
-
-class Watched:
-    """Work under way in this process, and why it is to stop, if it is. always: goes on although its evaluation is cancelled."""
-
-    def __init__(self, evaluation: str, attempt: int, workflow: str, *, always: bool) -> None:
-        self.evaluation, self.attempt, self.workflow, self.always = evaluation, attempt, workflow, always
-        self.since: int | None = None
-        self.reason: TaskError | None = None
+        try:
+            self.records.say(id, {"type": "progress", "node": node.id, "detail": detail, **_facts(node)})
+        except StoreError as error:  # news that nobody hears fails no work
+            log.warning("can't tell of progress: %s", error)
 
 
 _engine: Engine | None = None
@@ -283,14 +259,28 @@ def load_plan(artifacts: Artifacts, name: str) -> Plan:
     return TypeAdapter(Plan).validate_json(artifacts.get(name))
 
 
+@contextmanager
+def execution() -> Iterator[None]:
+    """One execution of a workflow. What the database refuses to keep ends the execution; the workflow is taken up again."""
+    with current().strays.at_work(str(DBOS.workflow_id)):
+        try:
+            yield
+        except sa.exc.SQLAlchemyError as error:
+            log.warning("can't go on with %s for now: %s", DBOS.workflow_id, error)
+            raise Stopped from error
+
+
 @DBOS.workflow(name="evaluate", max_recovery_attempts=1_000_000)
 def evaluate(id: str, attempt: int) -> None:
     """One attempt at all nodes of an evaluation."""
-    try:
-        _evaluate(id, attempt)
-    except Exception as error:  # the workflow's edge: an evaluation that can't go on says why
-        log.exception("evaluation %s ended early", id)
-        conclude(id, attempt, describe(error))
+    with execution():
+        try:
+            _evaluate(id, attempt)
+        except sa.exc.SQLAlchemyError:
+            raise
+        except Exception as error:  # the workflow's edge: an evaluation that can't go on says why
+            log.exception("evaluation %s ended early", id)
+            conclude(id, attempt, describe(error))
 
 
 def _evaluate(id: str, attempt: int) -> None:
@@ -311,44 +301,41 @@ def _evaluate(id: str, attempt: int) -> None:
     conclude(id, attempt, None)
 
 
-def startable(waiting: Sequence[Node], done: set[str], running: Mapping[str, Node], references_first: bool) -> list[Node]:
-    """Nodes to enqueue now: all light ones that can start, and others while there is room in the window."""
-    ready = [node for node in waiting if done.issuperset(node.after)]
-    room = WINDOW - sum(node.queue != "light" for node in running.values())
-    heavy = [node for node in ready if node.queue != "light"]
-    if references_first and any(node.queue == "reference" for node in (*waiting, *running.values())):
-        heavy = [node for node in heavy if node.queue == "reference"]
-    return [node for node in ready if node.queue == "light"] + heavy[: max(room, 0)]
-
-
 @DBOS.step(name="begin")
 def begin(id: str, attempt: int) -> tuple[list[str], int]:
     """Nodes that an earlier attempt has done, and the evaluation's priority."""
-    records = current().records
-    records.begin(id, attempt)
-    done = [row["node"] for row in records.nodes(id, "node", "state") if row["state"] == "done"]
+    engine = current()
+    engine.patiently(lambda: engine.records.begin(id, attempt))
+    rows = engine.patiently(lambda: engine.records.nodes(id, "node", "state"))
+    row = engine.patiently(lambda: engine.records.evaluation(id))
     reach("evaluation begun")
-    return sorted(done), int(records.evaluation(id)["priority"])
+    return sorted(node["node"] for node in rows if node["state"] == "done"), int(row["priority"])
 
 
 @DBOS.step(name="await_end")
 def await_end(id: str, attempt: int, running: list[str]) -> list[str]:
     """Wait until one of the running nodes has ended; all that have. When the evaluation is cancelled, also what was withdrawn."""
     engine = current()
-    engine.records.ready(id, attempt, running)
+    engine.patiently(lambda: engine.records.ready(id, attempt, running))
     reach("evaluation waiting")
     while True:
         if engine.stopping.is_set():
             raise Stopped
-        states = {row["node"]: row["state"] for row in engine.records.nodes(id, "node", "state")}
-        found = [name for name in running if states[name] not in ("queued", "running")]
-        if not engine.records.wanted(id, attempt):
-            found += [name for name in _withdraw(engine, id, attempt, states) if name not in found]
-        if found:
+        if found := engine.patiently(lambda: _found(engine, id, attempt, running)):
             return found
-        _bury(engine, id, attempt, running)
         with engine.news:
             engine.news.wait(engine.poll_s)
+
+
+def _found(engine: Engine, id: str, attempt: int, running: list[str]) -> list[str]:
+    """Those of the running nodes that have ended, and what was withdrawn."""
+    states = {row["node"]: row["state"] for row in engine.records.nodes(id, "node", "state")}
+    found = [name for name in running if states[name] not in ("queued", "running")]
+    if not engine.records.wanted(id, attempt):
+        found += [name for name in _withdraw(engine, id, attempt, states) if name not in found]
+    if not found:
+        _bury(engine, id, attempt, running)
+    return found
 
 
 def _withdraw(engine: Engine, id: str, attempt: int, states: Mapping[str, str]) -> list[str]:
@@ -359,13 +346,6 @@ def _withdraw(engine: Engine, id: str, attempt: int, states: Mapping[str, str]) 
         for name in names:
             engine.ended(id, attempt, name, CANCELLED)
     return names
-
-
-def withdrawable(nodes: Sequence[Node], states: Mapping[str, str]) -> list[str]:
-    """Nodes of a cancelled evaluation that needn't be done: what renders was done is still compared, and the report written."""
-    lost = {node.id for node in nodes if node.queue != "light" and states[node.id] != "done"}
-    lost |= {node.id for node in nodes if node.id != REPORT and not lost.isdisjoint(node.after)}
-    return [node.id for node in nodes if node.id in lost and states[node.id] == "queued"]
 
 
 def _bury(engine: Engine, id: str, attempt: int, running: list[str]) -> None:
@@ -386,12 +366,13 @@ def _bury(engine: Engine, id: str, attempt: int, running: list[str]) -> None:
 def conclude(id: str, attempt: int, error: str | None) -> None:
     """The attempt has ended: done when every node is, else failed."""
     engine = current()
-    states = {row["node"]: row["state"] for row in engine.records.nodes(id, "node", "state")}
+    rows = engine.patiently(lambda: engine.records.nodes(id, "node", "state"))
+    states = {row["node"]: row["state"] for row in rows}
     reach("evaluation before conclude")
     failed = error is not None or any(state != "done" for state in states.values()) or bool(engine.plan_of(id)[0].refused)
     if error is None and states.get(REPORT) == "failed":
-        error = f"report: {engine.records.outcomes(id)[REPORT].error}"
-    engine.records.finish(id, attempt, "failed" if failed else "done", error)
+        error = f"report: {engine.patiently(lambda: engine.records.outcomes(id))[REPORT].error}"
+    engine.patiently(lambda: engine.records.finish(id, attempt, "failed" if failed else "done", error))
     with engine.news:
         engine.news.notify_all()
 
@@ -399,7 +380,8 @@ def conclude(id: str, attempt: int, error: str | None) -> None:
 @DBOS.workflow(name="work", max_recovery_attempts=DEATHS)
 def work(id: str, attempt: int, name: str) -> None:
     """One node: do it, then write down how it ended."""
-    settle(id, attempt, name, do(id, attempt, name))
+    with execution():
+        settle(id, attempt, name, do(id, attempt, name))
 
 
 @DBOS.step(name="do")
@@ -422,13 +404,25 @@ def settle(id: str, attempt: int, name: str, outcome: dict[str, Any]) -> None:
 @DBOS.workflow(name="nightly")
 def nightly(scheduled: datetime, context: Any) -> None:
     """What the worker does every night."""
-    night(scheduled)
+    with execution():
+        night(scheduled)
 
 
 @DBOS.step(name="night")
 def night(scheduled: datetime) -> None:
     """Call the worker's nightly function."""
     current().nightly(scheduled)
+
+
+def _look(workflows: Sequence[str]) -> dict[str, Any]:
+    """What the database says of workflows, by their id."""
+    rows = DBOS.list_workflows(workflow_ids=list(workflows), load_input=False, load_output=False)
+    return {row.workflow_id: row for row in rows}
+
+
+def _requeue(stray: Stray) -> None:
+    """Put one workflow back into its queue, unless another executor has taken it since."""
+    _get_dbos_instance()._sys_db.reenqueue_for_recovery(stray.workflow, [stray.executor], INTERNAL_QUEUE_NAME)
 
 
 def _facts(node: Node) -> dict[str, Any]:

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import json
 import time
+import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import sqlalchemy as sa
 
-from jobs.database import EVALUATIONS, EVENTS, NODES, WORKERS, is_sqlite, open_database, readable_errors
+from jobs.database import EVALUATIONS, EVENTS, IDLE_S, NODES, WAIT_S, WORKERS, is_sqlite, open_database, readable_errors
 from jobs.graph import Node
 from jobs.outcome import Order, Outcome
+from jobs.points import reach
 from reports.folder import State
 
 LIVE = ("queued", "running")
@@ -25,9 +27,9 @@ Row = Mapping[str, Any]
 class Records:
     """The tables of one database. Every method is one transaction; raises StoreError where the database can't be used."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S) -> None:
         self.url = url
-        self._engine = open_database(url)
+        self._engine = open_database(url, wait_s, idle_s)
 
     def close(self) -> None:
         """Close all connections."""
@@ -73,9 +75,7 @@ class Records:
         if state is not None:
             query = query.where(EVALUATIONS.c.state == state)
         if before is not None:
-            created, id = before
-            older = EVALUATIONS.c.created < created
-            query = query.where(older | ((EVALUATIONS.c.created == created) & (EVALUATIONS.c.id < id)))
+            query = query.where(sa.tuple_(EVALUATIONS.c.created, EVALUATIONS.c.id) < before)
         with self.transaction() as c:
             return [dict(row) for row in c.execute(query).mappings()]
 
@@ -116,7 +116,9 @@ class Records:
             now = time.time()
             if not self._update(c, id, attempt, LIVE, state=state, finished=now, error=error):
                 state, error = "cancelled", None
-                if not self._update(c, id, attempt, ("cancelled",), finished=now):
+                where = (EVALUATIONS.c.id == id, EVALUATIONS.c.attempt == attempt, EVALUATIONS.c.state == "cancelled")
+                noted = sa.update(EVALUATIONS).where(*where, EVALUATIONS.c.finished.is_(None)).values(finished=now)
+                if not c.execute(noted).rowcount:
                     return
             self._say(c, id, {"type": "evaluation", "state": state, "error": error, "finished": True})
 
@@ -195,12 +197,17 @@ class Records:
 
     def beat(self, worker: str, started: float, lease_s: float) -> list[str]:
         """Say that a worker lives; returns those that were silent for longer than the lease, which count as dead from now on."""
-        now = time.time()
         with self.transaction() as c:
+            now = self._now(c)
             new = self._insert(WORKERS).values(id=worker, started=started, seen=now)
             c.execute(new.on_conflict_do_update(index_elements=["id"], set_={"seen": now, "started": started}))
             dead = sa.delete(WORKERS).where(WORKERS.c.seen < now - lease_s, WORKERS.c.id != worker).returning(WORKERS.c.id)
             return list(c.execute(dead).scalars())
+
+    def silent(self, lease_s: float) -> list[str]:
+        """Workers that were silent for longer than the lease. A question only: it is answered while another process may write."""
+        with self.transaction() as c:
+            return list(c.execute(sa.select(WORKERS.c.id).where(WORKERS.c.seen < self._now(c) - lease_s)).scalars())
 
     def leave(self, worker: str) -> None:
         """A worker ends in good order: what it left is taken over at the next heartbeat of another one."""
@@ -231,6 +238,13 @@ class Records:
             c.execute(sa.delete(EVENTS).where(EVENTS.c.evaluation == id))
             c.execute(sa.delete(EVALUATIONS).where(EVALUATIONS.c.id == id))
 
+    def check_writable(self) -> None:
+        """Raises StoreError where nothing can be written."""
+        probe = f"probe {uuid.uuid4()}"
+        with self.transaction() as c:
+            c.execute(sa.insert(WORKERS).values(id=probe, started=0.0, seen=0.0))
+            c.execute(sa.delete(WORKERS).where(WORKERS.c.id == probe))
+
     def counts(self) -> list[Row]:
         """Queued and running nodes of each queue, and since when the oldest waits."""
         columns = (NODES.c.queue, NODES.c.state, sa.func.count().label("n"), sa.func.min(NODES.c.ready).label("oldest"))
@@ -250,6 +264,10 @@ class Records:
         query = sa.select(*columns).where(NODES.c.method.is_not(None)).group_by(NODES.c.method)
         with self.transaction() as c:
             return {row[0]: {"prepare": row[1] or 0.0, "render": row[2] or 0.0} for row in c.execute(query)}
+
+    def _now(self, c: sa.Connection) -> float:
+        """Seconds since 1970 by the one clock that all workers of this database share."""
+        return time.time() if is_sqlite(self.url) else float(c.execute(sa.text("select extract(epoch from now())")).scalar_one())
 
     def _insert(self, table: sa.Table) -> Any:
         from sqlalchemy.dialects import postgresql, sqlite
@@ -274,5 +292,6 @@ class Records:
         seq = c.execute(count.returning(EVALUATIONS.c.events)).scalar()
         if seq is None:
             raise KeyError(id)
+        reach("record half written")
         stored = {"seq": seq, "time": time.time(), **event}
         c.execute(sa.insert(EVENTS).values(evaluation=id, seq=seq, event=json.dumps(stored)))

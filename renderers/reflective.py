@@ -58,7 +58,7 @@ class LightView:
         return np.broadcast_to(self.origin, directions.shape), directions
 
     def emitted(self, directions: F64) -> F64:
-        """Power per measure of rays, float64 (..., 3): W/sr × scale² along unit directions, W/m² when parallel."""
+        """Power per measure of rays, (..., 3): W/sr × scale² along unit directions, W/m² when parallel."""
         cosine = directions @ self.axis
         shape = np.ones_like(cosine)
         if self.kind == "area":
@@ -73,8 +73,8 @@ class LightView:
 class ReflectiveMap:
     """A light's view with what its texels reflect.
 
-    position, normal (geometric, of the lit side), flux: float32 (n · R, R, 3). flux: albedo × `LightView.emitted`, that is reflected
-    power per measure; 0 where the light sees nothing.
+    position, normal (geometric, of the lit side), flux: float32 (n · R, R, 3). flux: albedo × `LightView.emitted`, reflected power
+    per measure; 0 where the light sees nothing.
     """
 
     view: LightView

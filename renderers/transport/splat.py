@@ -19,7 +19,8 @@ from renderers.transport.brdf import Materials
 from renderers.transport.cuts import PARAMETERS, Family
 from renderers.transport.gather import Pixels, pixels_of
 from renderers.transport.raycast import OFFSET, RayCaster
-from renderers.transport.splat_kernels import add_pairs, lit_pairs, splat_lambert
+from renderers.transport.splat_kernels import add_pairs, lit_pairs
+from renderers.transport.splat_lambert import packed, splat_lambert
 from renderers.transport.threads import in_threads
 from renderers.transport.tiles import AREA, Tiles, tiles_of
 from renderers.transport.vpl import Vpls
@@ -72,18 +73,14 @@ def splat(
 @cache
 def warm_up(kernel: int, pairwise: bool) -> None:
     """Compile (or load from numba's cache) the kernels that `splat` will use; once a process."""
-    receivers, balls, lights = (
-        np.zeros((1, 6, AREA), np.float32),
-        np.zeros((1, 8), np.float32),
-        np.zeros((9 + PARAMETERS, 0), np.float32),
-    )
-    pixel, none = np.zeros((1, AREA), np.int32), np.float32(0)
+    receivers, bounds, none = np.zeros((1, 6, AREA), np.float32), np.zeros((1, 9), np.float32), np.float32(0)
+    lights = np.zeros((9 + PARAMETERS, 0), np.float32)
     if not pairwise:
         out, work = np.zeros((1, 3, AREA)), np.zeros((1, 2), np.int64)
-        splat_lambert(kernel, receivers, np.array([0, 1], np.int32), balls, balls, lights, none, out, work)
+        splat_lambert(kernel, receivers, np.array([0, 1], np.int32), bounds, bounds, packed(lights), 0, none, out, work)
         return
-    plane, buffers = np.zeros((1, 3, AREA), np.float32), _buffers()
-    lit_pairs(kernel, receivers, plane, balls, balls[0], lights, 0, none, none, *buffers)
+    pixel, plane, buffers = np.zeros((1, AREA), np.int32), np.zeros((1, 3, AREA), np.float32), _buffers()
+    lit_pairs(kernel, receivers, plane, bounds, bounds, lights, 0, none, none, *buffers)
     point, three, one = np.zeros((1, 3), np.float32), np.zeros((1, 3)), np.zeros(1)
     materials = Materials(np.zeros(1, np.int32), three, three, one, one, one + 1)
     add_pairs(pixel, point, point, three, *materials, lights, buffers[0][:0], buffers[1][:0], np.zeros(0, bool), three.copy())
@@ -93,7 +90,8 @@ def _fast(pixels: Pixels, tiles: Tiles, lights: F32, family: Family, eps_b: np.f
     """Lambertian receivers, no occlusion: one multiplication by ρ/π at the end."""
     sums, done = np.zeros((len(tiles.pixel), 3, AREA)), np.zeros((len(tiles.first) - 1, 2), np.int64)
     splat_lambert(
-        family.kernel, tiles.receivers, tiles.first, tiles.tile_balls, tiles.block_balls, lights, eps_b, sums, done
+        family.kernel, tiles.receivers, tiles.first, tiles.tile_bounds, tiles.block_bounds,
+        packed(lights), lights.shape[1], eps_b, sums, done,
     )  # fmt: skip
     work[:2] += done.sum(axis=0)
     total, filled = np.zeros((len(pixels.rows), 3)), tiles.pixel >= 0
@@ -114,7 +112,7 @@ def _pairwise(
         tested = touched = rays = j = 0
         while j < lights.shape[1]:
             n, evaluated, j = lit_pairs(
-                family.kernel, tiles.receivers[own], geometric[own], tiles.tile_balls[own], tiles.block_balls[block],
+                family.kernel, tiles.receivers[own], geometric[own], tiles.tile_bounds[own], tiles.block_bounds[block : block + 1],
                 lights, j, eps_b, np.float32(OFFSET), *buffers,
             )  # fmt: skip
             blocked = np.zeros(n, bool)

@@ -104,7 +104,7 @@ def splat_surfels(
     lights = np.ascontiguousarray(np.concatenate([surfels.positions, surfels.normals, surfels.intensities], axis=1))
     total, work = np.zeros((len(pixels.rows), 3)), np.zeros((len(tiles.pixel), 2), np.int64)
     _splat(
-        tiles.pixel, tiles.tile_balls, pixels.position, pixels.normal, pixels.view, *pixels.materials, lights,
+        tiles.pixel, tiles.tile_bounds, pixels.position, pixels.normal, pixels.view, *pixels.materials, lights,
         np.float32(radius), np.float32(eps_b), total, work,
     )  # fmt: skip
     if counters is not None:

@@ -22,6 +22,7 @@ from jobs.errors import RequestError
 from renderers import SceneError, UnknownMethod, UnsupportedScene
 from service.http import pages, problems
 from service.http.bodies import BodyLimits
+from service.http.comparisons import Comparisons
 from service.http.headers import Origins, SecurityHeaders
 from service.http.health import Health
 from service.http.logs import RequestLog
@@ -34,6 +35,7 @@ from service.http.routes import comparisons, evaluations, events, methods, opera
 from service.http.routes import reports as report_routes
 from service.http.settings import ServerSettings
 from service.http.site import Site
+from service.http.sources import Sources
 from service.http.streams import Streams
 from service.http.thumbnails import Thumbnails
 from service.http.uploads import Uploads
@@ -74,7 +76,8 @@ def create_app(queue: Queue, settings: ServerSettings | None = None, machine: Ca
     app.state.metrics = served
     app.state.site = Site(
         queue, settings, TokenStore(settings.home / "tokens.json"), Uploads(settings), Thumbnails(settings),
-        Health(queue, settings, machine), Streams(settings.max_streams),
+        Sources(settings.home, queue), Comparisons(settings, queue), Health(queue, settings, machine),
+        Streams(settings.max_streams),
     )  # fmt: skip
     for module in (evaluations, events, results, report_routes, methods, scenes, comparisons, operations, pages):
         app.include_router(module.router)

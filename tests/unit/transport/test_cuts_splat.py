@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+import numba
 import numpy as np
 import pytest
 
@@ -18,6 +19,7 @@ from renderers.transport.primary import cast_gbuffer
 from renderers.transport.raycast import caster_of, segments_blocked
 from renderers.transport.sampling import generator, uniform_sphere
 from renderers.transport.splat import light_rows, splat
+from renderers.transport.supports import inverse_root, log_of
 from renderers.transport.tiles import AREA, tiles_of
 from renderers.transport.vpl import Vpls
 
@@ -146,11 +148,26 @@ def test_tiles_hold_every_covered_pixel_once() -> None:
     assert tiles.pixel.shape[1] == AREA
     for t, pixel in enumerate(tiles.pixel):
         own = pixel[pixel >= 0]
-        ball = tiles.tile_balls[t].astype(np.float64)
-        block = tiles.block_balls[np.searchsorted(tiles.first, t, side="right") - 1].astype(np.float64)
-        for around in (ball, block):
+        bound = tiles.tile_bounds[t].astype(np.float64)
+        block = tiles.block_bounds[np.searchsorted(tiles.first, t, side="right") - 1].astype(np.float64)
+        for around in (bound, block):
+            # 2e-7: rounding of the bound to float32
             assert (np.linalg.norm(p.position[own] - around[:3], axis=1) <= around[3]).all()
-            assert (np.linalg.norm(p.normal[own] - around[4:7], axis=1) <= around[7]).all()
+            assert (np.linalg.norm(p.normal[own] - around[4:7], axis=1) <= around[7] + 2e-7).all()
+            assert (p.position[own].astype(np.float64) @ around[4:7] >= around[8] - 2e-7).all()
+
+
+def test_functions_of_the_kernels_are_as_exact_as_they_say() -> None:
+    x = np.geomspace(1e-18, 1e3, 20000).astype(np.float32)
+    roots, logs = _functions(x, np.geomspace(1, 1e20, 20000).astype(np.float32))
+    np.testing.assert_allclose(roots, 1 / np.sqrt(x.astype(np.float64)), rtol=3e-7)
+    exact = np.log(np.geomspace(1, 1e20, 20000).astype(np.float32).astype(np.float64))
+    assert (np.abs(logs - exact) <= 2e-7 * np.maximum(1, exact)).all()
+
+
+@numba.njit
+def _functions(x, y):  # type: ignore[no-untyped-def]
+    return np.array([inverse_root(a) for a in x]), np.array([log_of(a) for a in y])
 
 
 def test_no_pixels_and_no_lights() -> None:
