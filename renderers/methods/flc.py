@@ -21,7 +21,7 @@ gbuffer, direct, splat (with the filter where interleaved).
 | visibility        | none             |      | none, raycast            | occlusion between VPL and receiver                   |
 | passes            | 1                | 1    | 1 … 4096                 | progressive: average of draws of N VPLs              |
 | interleave        | 1                | 1    | 1, 2, 4, 8               | s: each VPL in one of s² sub-images, then a filter   |
-| sampler           | uniform          |      | uniform, low-discrepancy | of the points                                        |
+| sampler, eta      | uniform          |      | …, resampled             | of the points, as `ir`                               |
 | light_samples     | 16               | 1    | 1 … 4096                 | samples of area lights and sky, per pixel and VPL    |
 | direct_visibility | raycast          |      | raycast, shadow-map      | shadows of the direct layer                          |
 | backend           | auto             |      | auto, gl, cpu            | auto: a fixed table on the device string             |
@@ -38,14 +38,28 @@ from numpy.typing import NDArray
 
 from renderers.frame import Frame
 from renderers.method import Context, register, setting
-from renderers.methods.ir import InstantRadiosity, IrSettings, backend_of, clamp_of, direct_layer, gather_vpls, make_gbuffer, timed
+from renderers.methods.ir import (
+    InstantRadiosity,
+    IrSettings,
+    backend_of,
+    clamp_of,
+    direct_layer,
+    eta_of,
+    gather_vpls,
+    light_of,
+    make_gbuffer,
+    resampled,
+    timed,
+)
 from renderers.methods.ir import warm_up as warm_up_ir
 from renderers.scene.model import Scene
+from renderers.scene.surface import rest_surface
 from renderers.scene.world import LAMBERT, World, rest_bounds
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.cuts import Family
+    from renderers.transport.resampling.points import Points
     from renderers.transport.vpl import Vpls
 
 DEFAULT_REACH = 0.5
@@ -121,6 +135,7 @@ class ForwardLightCuts(InstantRadiosity):
                 "q_n": c.q_n,
                 "epsilon_omega": c.epsilon_omega,
                 "eps_b": clamp_of(scene, settings.eps_b),
+                "eta": eta_of(scene, settings.model_copy(update={"vpls": c.vpls})),
                 "backend": backend_of(settings.backend, settings.visibility, device),
             }
         )
@@ -130,8 +145,9 @@ class ForwardLightCuts(InstantRadiosity):
         with watch("warm-up", "prepare"):
             warm_up(world, settings)
         family = family_of(scene, settings)
+        points = [resampled(world, settings, context.seed, watch, p) for p in range(settings.passes)]
         with watch("vpls"):
-            draws = [draw(world, family, settings, context.seed + (p << 48), counters) for p in range(settings.passes)]
+            draws = [draw(world, family, settings, context.seed + (p << 48), counters, points[p]) for p in range(settings.passes)]
         direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
         indirect = np.zeros_like(direct)
         k, on_gl = settings.subpixels, settings.backend == "gl"
@@ -158,8 +174,7 @@ def calibrate(scene: Scene, settings: Any) -> Calibration:
     radius = rest_bounds(scene)[1]
     vpls = settings.vpls or round(1024 * 64**settings.quality)
     q_n = settings.q_n or settings.q_a
-    world = scene.world()
-    surface = float(world.areas.sum()) / world.scale**2
+    surface = rest_surface(scene)
     # |S| / N over the share of an endless geometric law: K isn't known yet, and μ_1 changes by its last term only
     first_area = surface / vpls / (1 - 1 / q_n)
     reach = settings.reach
@@ -214,15 +229,21 @@ def warm_up(world: World, settings: Any) -> None:
     compile_splat({"ridge": 2, "linear": 1}.get(settings.family, 0), pairwise)
 
 
-def draw(world: World, family: Family, settings: Any, seed: int, counters: Counter[str]) -> Draw:
-    """VPLs of one seed, those of `ir`, with a level and a sub-image each, drawn independently of all else."""
+def draw(world: World, family: Family, settings: Any, seed: int, counters: Counter[str], points: Points | None = None) -> Draw:
+    """VPLs of one seed, those of `ir`, with a level and a sub-image each, drawn independently of all else.
+
+    Resampled points bring the numbers of both along: the level's is what the draw of the point left over (5.12, 5.23).
+    """
     from renderers.transport.sampling import generator
     from renderers.transport.splat import light_rows
-    from renderers.transport.vpl import emit_vpls
 
-    vpls = emit_vpls(world, settings.vpls, seed, settings.sampler, settings.light_samples, counters)
-    marks = family.draw(generator(seed, "levels").random(vpls.drawn)[vpls.index])
-    place = generator(seed, "sub-images").integers(settings.interleave**2, size=vpls.drawn)[vpls.index]
+    vpls = light_of(world, points, settings, seed, counters)
+    if vpls.numbers is None:
+        marks = family.draw(generator(seed, "levels").random(vpls.drawn)[vpls.index])
+        place = generator(seed, "sub-images").integers(settings.interleave**2, size=vpls.drawn)[vpls.index]
+    else:
+        marks = family.draw(vpls.numbers[:, 0])
+        place = (vpls.numbers[:, 1] * settings.interleave**2).astype(np.int64)
     for level, count in zip(*np.unique(marks.astype(np.int64), return_counts=True), strict=True):
         counters[f"vpls_level_{level}"] += int(count)
     return Draw(vpls, light_rows(vpls, family, marks), place)

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from renderers.scene.world import World
-from renderers.transport.penumbra.assemble import Construction, MapMaker, assemble
+from renderers.transport.penumbra.assemble import HALF_TEXELS, Construction, MapMaker, assemble
 from renderers.transport.penumbra.cameras import cameras_of
 from renderers.transport.penumbra.depth import depth_maps
 from renderers.transport.penumbra.emitters import Emitter
 from renderers.transport.penumbra.functions import PenumbraMap
+from renderers.transport.penumbra.lockstep import aligned_cameras
 from renderers.transport.penumbra.pyramid import Pyramid, pyramids_around
 
 F32 = NDArray[np.float32]
@@ -26,9 +27,9 @@ Filter = Literal["bilinear", "nearest"]
 
 @dataclass(frozen=True)
 class Slope:
-    """Bias of slanted surfaces, per texel (`depth`): limit is the largest bias in World units, 0 turns it off."""
+    """Bias of slanted surfaces, per texel (`depth`): limit is the largest bias in World units, 0: none."""
 
-    limit: float = 0.02
+    limit: float = 0.2
     filter: Filter = "bilinear"
 
 
@@ -42,17 +43,13 @@ class LightShadows:
     def hidden(self, points: ArrayLike, normals: ArrayLike | None = None, offset: float = 0.0, filter: Filter = "bilinear") -> F32:
         """Hidden share of the light at World points (P, 3), float32 (P,); -1 where no pyramid reaches.
 
-        With normals (P, 3), turned to the viewer, a point is looked up `offset` pixel footprints off its surface: functions of
-        neighbouring pixels pass through the inside of objects where surfaces are nearly parallel to the light's rays.
+        normals (P, 3), offset: as in `PenumbraMap.hidden`.
         """
         p = np.asarray(points, np.float64).reshape(-1, 3)
+        n = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3)
         out = np.full(len(p), -1, np.float32)
-        for shadow, (rows, local) in zip(self.maps, by_face(self.emitter, [m.pyramid for m in self.maps], p), strict=True):
-            where = p[rows]
-            if normals is not None and offset:
-                footprint = offset * shadow.pyramid.pitch * local[:, 2]
-                where = where + np.asarray(normals, np.float64).reshape(-1, 3)[rows] * footprint[:, None]
-            out[rows] = shadow.hidden(where, filter)
+        for shadow, (rows, _) in zip(self.maps, by_face(self.emitter, [m.pyramid for m in self.maps], p), strict=True):
+            out[rows] = shadow.hidden(p[rows], filter, None if n is None else n[rows], offset)
         return out
 
 
@@ -99,9 +96,9 @@ def build(
 ) -> LightShadows:
     """Build the maps of `emitter` from light points (N, 3).
 
-    resolution: pixels across 90° of a pyramid. map_resolution: texels across a shadow map. near: distance of the near plane from
-    the light, in half sizes of the light. casters: bool (T,), which triangles cast (all but the emitter's own by default); the
-    others receive.
+    resolution: pixels across 90° of a pyramid. map_resolution: texels across a shadow map, at least (their pitch fits the pixels).
+    near: distance of the near plane from the light, in half sizes of the light. casters: bool (T,), which triangles cast (all but
+    the emitter's own by default); the others receive.
     """
     pyramids = pyramids_of(world, emitter, points, resolution, near)
     corners = casters_of(world, emitter, casters)
@@ -111,23 +108,28 @@ def build(
 def _one(
     pyramid: Pyramid, corners: F64, points: F64, resolution: int, how: Construction, slope: Slope, counters: Counter[str] | None
 ) -> PenumbraMap:
-    texels = 0.5 if how.walk == "exact" else 1.5
+    texels = HALF_TEXELS[how.walk]
     pixels = pyramid.pitch * (1.0 if slope.filter == "bilinear" else 0.5)
-    make = map_maker(pyramid, corners, resolution, texels, pixels, slope.limit)
-    return assemble(pyramid, cameras_of(pyramid, pyramid.local(points), resolution), make, how, counters)
+    local = pyramid.local(points)
+    fitting = aligned_cameras(pyramid, local, resolution) if how.walk == "exact" else None
+    if fitting is None:
+        make = map_maker(pyramid, corners, (resolution, resolution), texels, pixels, slope.limit)
+        return assemble(pyramid, cameras_of(pyramid, local, resolution), make, how, counters)
+    cameras, grid = fitting
+    return assemble(pyramid, cameras, map_maker(pyramid, corners, grid.shape, texels, pixels, slope.limit), how, counters, grid)
 
 
 def map_maker(
-    pyramid: Pyramid, corners: F64, resolution: int, texels: float = 0.0, pixels: float = 0.0, limit: float = 0.0
+    pyramid: Pyramid, corners: F64, shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0, limit: float = 0.2
 ) -> MapMaker:
-    """Makes shadow maps float32 (N, resolution, resolution) of World triangles (T, 3, 3) for cameras; the rest as in
+    """Makes shadow maps float32 (N, *shape) of World triangles (T, 3, 3) for cameras; the rest as in
     `depth_maps`.
     """
     local = pyramid.local(corners)
     local = np.ascontiguousarray(local[(local[:, :, 2] > 0).any(axis=1)])
 
     def make(cameras: F64) -> F32:
-        maps = np.empty((len(cameras), resolution, resolution), np.float32)
+        maps = np.empty((len(cameras), *shape), np.float32)
         depth_maps(local, np.ascontiguousarray(cameras), maps, texels, pixels, limit)
         return maps
 
