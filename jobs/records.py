@@ -27,11 +27,14 @@ Row = Mapping[str, Any]
 
 
 class Records:
-    """The tables of one database. Every method is one transaction; raises StoreError where the database can't be used."""
+    """The tables of one database. Every method is one transaction; raises StoreError where the database can't be used.
 
-    def __init__(self, url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S) -> None:
+    wait_s, idle_s, flush: see `open_database`.
+    """
+
+    def __init__(self, url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S, flush: bool = True) -> None:
         self.url, self._wait_s = url, wait_s
-        self._engine = open_database(url, wait_s, idle_s)
+        self._engine = open_database(url, wait_s, idle_s, flush)
 
     def close(self) -> None:
         """Close all connections."""
