@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import sqlalchemy as sa
 from dbos import DBOS, DBOSClient
 
 from jobs.database import prepare_file, readable_errors
@@ -20,14 +21,17 @@ class Client:
             DBOS.migrate(address(url))
             self._client = DBOSClient(system_database_url=address(url), serializer=Json(), application_name=NAME)
 
-    def enqueue(self, id: str, attempt: int, priority: int) -> None:
-        """Have an attempt of an evaluation worked on; asking twice is asking once."""
+    def enqueue(self, id: str, attempt: int, priority: int, within: sa.Connection | None = None) -> None:
+        """Have an attempt of an evaluation worked on; asking twice is asking once. within: a transaction that this is to be part of."""
         options: Any = {
             "workflow_name": "evaluate", "queue_name": ORCHESTRA, "workflow_id": workflow_id(id, attempt), "app_version": VERSION,
             "priority": priority + 1,
         }  # fmt: skip
         with readable_errors(self.url):
-            self._client.enqueue(options, id, attempt)
+            if within is None:
+                self._client.enqueue(options, id, attempt)
+            else:
+                self._client.enqueue_in_transaction(within, options, id, attempt)
 
     def register(self, poll_s: float) -> None:
         """Make the queues known: an engine that finds them when it starts begins to take work at once, and else a second later."""

@@ -6,10 +6,11 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from typing import Any
 
 from dbos import DBOS
 
-from jobs.database import IDLE_S, prepare_file, readable_errors
+from jobs.database import IDLE_S, WithoutFlush, is_sqlite, prepare_file, readable_errors
 from jobs.durable import workflows
 from jobs.durable.recovery import look, requeue, taken
 from jobs.durable.wire import LIMITS, NAME, VERSION, Json, address
@@ -49,7 +50,7 @@ class Engine:
                     "name": NAME, "system_database_url": address(self.url), "executor_id": self.executor, "serializer": Json(),
                     "application_version": VERSION, "log_level": "ERROR", "scheduler_polling_interval_sec": 2.0,
                     "notification_listener_polling_interval_sec": self.poll_s, "use_listen_notify": False,
-                    "sys_db_idle_transaction_timeout_sec": self.idle_s,
+                    "sys_db_idle_transaction_timeout_sec": self.idle_s, "db_engine_kwargs": _connecting(self.url),
                 }
             )  # fmt: skip
             enter(self._workplace)
@@ -80,3 +81,8 @@ class Engine:
         for stray in self._strays.among(taken(), live, time.monotonic()):
             if requeue(stray):
                 log.warning("%s was left by %s: it is queued again", stray.workflow, stray.executor)
+
+
+def _connecting(url: str) -> dict[str, Any]:
+    """How a worker connects."""
+    return {"connect_args": {"factory": WithoutFlush}} if is_sqlite(url) else {}
