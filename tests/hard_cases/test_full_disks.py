@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import faults
+import httpx
 import pytest
 import workers
+from http_service import HEALTHY, serving
 
 from jobs import EvaluationRequest
 from jobs.errors import StoreError
@@ -22,6 +24,8 @@ from jobs.queue import JobQueue, Status
 from jobs.store import Store
 from jobs.tasks import RenderTask
 from jobs.worker import Worker
+from service.http.app import create_app
+from service.http.settings import ServerSettings
 
 pytestmark = pytest.mark.usefixtures("toy_methods")
 LEVELS = [k / 8 for k in range(1, 7)]
@@ -100,6 +104,25 @@ def test_a_submission_that_the_database_refuses_leaves_nothing(database: str, tm
         assert queue.list()[0] == []
         fault.on.clear()
         assert queue.submit(request(seeds=8)).state == "queued"
+
+
+@pytest.mark.parametrize("database", ["sqlite"], indirect=True)
+def test_the_service_says_that_it_cannot_now(database: str, tmp_path: Path) -> None:
+    """A problem document that says when to ask again; what was accepted before is still answered."""
+    body = request().model_dump(mode="json")
+    with closing(JobQueue(database)) as queue, faults.faulty("read-only") as fault:
+        app = create_app(queue, ServerSettings(home=tmp_path / "home"), machine=lambda: HEALTHY)
+        with serving(app) as address, httpx.Client(base_url=address, timeout=60) as client:
+            known = client.post("/v1/evaluations", json=body).json()["id"]
+            fault.on.set()
+            refused = client.post("/v1/evaluations", json=body | {"seeds": 2})
+            assert (refused.status_code, refused.json()["type"]) == (503, "/problems/unavailable")
+            assert int(refused.headers["retry-after"]) > 0
+            assert str(tmp_path) not in refused.text
+            assert client.get(f"/v1/evaluations/{known}").json()["state"] == "queued"
+            assert client.get("/readyz").status_code == 503
+            fault.on.clear()
+            assert client.post("/v1/evaluations", json=body | {"seeds": 2}).status_code == 202
 
 
 @pytest.mark.parametrize("kind", ["full", "read-only"])
