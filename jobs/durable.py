@@ -24,7 +24,7 @@ from dbos._utils import INTERNAL_QUEUE_NAME
 from pydantic import TypeAdapter
 
 from jobs.artifacts import Artifacts
-from jobs.database import IDLE_S, is_sqlite, prepare_file, readable_errors, with_driver
+from jobs.database import IDLE_S, WithoutFlush, is_sqlite, prepare_file, readable_errors, with_driver
 from jobs.errors import StoreError, TaskError, describe
 from jobs.graph import REPORT, Node, graph, startable, withdrawable
 from jobs.monitor import Monitor, Watched
@@ -80,14 +80,17 @@ class Client:
             DBOS.migrate(_address(url))
             self._client = DBOSClient(system_database_url=_address(url), serializer=Json(), application_name=NAME)
 
-    def enqueue(self, id: str, attempt: int, priority: int) -> None:
-        """Have an attempt of an evaluation worked on; asking twice is asking once."""
+    def enqueue(self, id: str, attempt: int, priority: int, within: sa.Connection | None = None) -> None:
+        """Have an attempt of an evaluation worked on; asking twice is asking once. within: a transaction that this is to be part of."""
         options: Any = {
             "workflow_name": "evaluate", "queue_name": ORCHESTRA, "workflow_id": workflow_id(id, attempt), "app_version": VERSION,
             "priority": priority + 1,
         }  # fmt: skip
         with readable_errors(self.url):
-            self._client.enqueue(options, id, attempt)
+            if within is None:
+                self._client.enqueue(options, id, attempt)
+            else:
+                self._client.enqueue_in_transaction(within, options, id, attempt)
 
     def register(self, poll_s: float) -> None:
         """Make the queues known: an engine that finds them when it starts begins to take work at once, and else a second later."""
@@ -142,7 +145,7 @@ class Engine:
                     "name": NAME, "system_database_url": _address(self.url), "executor_id": self.executor, "serializer": Json(),
                     "application_version": VERSION, "log_level": "ERROR", "scheduler_polling_interval_sec": 2.0,
                     "notification_listener_polling_interval_sec": self.poll_s, "use_listen_notify": False,
-                    "sys_db_idle_transaction_timeout_sec": self.idle_s,
+                    "sys_db_idle_transaction_timeout_sec": self.idle_s, "db_engine_kwargs": _connecting(self.url),
                 }
             )  # fmt: skip
             _engine = self
@@ -432,3 +435,8 @@ def _facts(node: Node) -> dict[str, Any]:
 def _address(url: str) -> str:
     """The URL as DBOS takes it."""
     return url if is_sqlite(url) else with_driver(url)
+
+
+def _connecting(url: str) -> dict[str, Any]:
+    """How a worker connects."""
+    return {"connect_args": {"factory": WithoutFlush}} if is_sqlite(url) else {}

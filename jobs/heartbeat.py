@@ -33,7 +33,7 @@ class Heartbeat:
     def __init__(self, url: str, executor: str, home: Path, lease_s: float) -> None:
         self._url, self._executor, self._home, self._lease_s = url, executor, home, lease_s
         self._started = time.time()
-        self._records = Records(url, wait_s=lease_s / 4, idle_s=lease_s)
+        self._records = Records(url, wait_s=lease_s / 4, idle_s=lease_s, flush=False)
         self._dead: list[str] = []
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None

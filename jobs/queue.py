@@ -23,6 +23,7 @@ from jobs.artifacts import Artifacts
 from jobs.durable import Client, load_plan
 from jobs.folder import cells_of, files_of, write_folder
 from jobs.graph import REPORT, graph
+from jobs.intake import Intake, Submission
 from jobs.outcome import Order
 from jobs.plan import Plan, plan
 from jobs.points import reach
@@ -65,6 +66,7 @@ class JobQueue:
         self.artifacts = Artifacts(store or home.artifacts)
         self.records = Records(database or home.database)
         self._client = Client(self.records.url)
+        self._intake = Intake(self.records, lambda connection, s: self._client.enqueue(s.order.evaluation, 1, s.priority, connection))
 
     def close(self) -> None:
         """Close all connections."""
@@ -91,12 +93,7 @@ class JobQueue:
         request = planned.request.model_copy(update={"priority": priority})
         reach("submit before record")
         created = time.time()
-        new = self.records.add(order, request.model_dump_json(), priority, nodes, created)
-        reach("submit before enqueue")
-        if new:
-            self._client.enqueue(order.evaluation, 1, priority)
-        else:
-            self._enqueue(order.evaluation)
+        new = self._intake.add(Submission(order, request.model_dump_json(), priority, nodes, created))
         reach("submit after enqueue")
         if not new:
             return self.status(order.evaluation)

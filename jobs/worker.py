@@ -44,7 +44,7 @@ class Worker:
     ) -> None:  # fmt: skip
         self.home = home or Store()
         self.lease_s, self.poll_s = lease_s, poll_s
-        self.records = Records(database or self.home.database, idle_s=min(lease_s, IDLE_S))
+        self.records = Records(database or self.home.database, idle_s=min(lease_s, IDLE_S), flush=False)
         artifacts = Artifacts(store or self.home.artifacts)
         self.bench = Bench(artifacts, self.home, runner, wall_s=wall_s, memory_bytes=memory_bytes)
         self._observer, self._nightly, self._cron = observer, nightly, cron

@@ -45,6 +45,10 @@ class Lights:
         """Samples for receivers at position (N, 3) with shading normals (N, 3); shifts (N, 6) in [0, 1) move the Sobol' sets."""
         for light in self._world.lights:
             yield punctual(light, position)
+        yield from self.distributed(position, normal, shifts)
+
+    def distributed(self, position: F64, normal: F64, shifts: F64) -> Iterator[Incident]:
+        """The samples of emissive triangles and of the environment among `incident`."""
         if len(self._world.emissive):
             for point in self._sobol:
                 yield self._area(position, (point + shifts[:, :3]) % 1.0)

@@ -73,9 +73,7 @@ def _quarters(corners: F64) -> F64:
     return np.stack(parts, axis=1).reshape(-1, 3, 2)
 
 
-def lit_surfels(
-    world: World, pieces: Pieces, light_samples: int = 16, seed: int = 0, counters: Counter[str] | None = None
-) -> Vpls:
+def lit_surfels(world: World, pieces: Pieces, light_samples: int = 16, seed: int = 0, counters: Counter[str] | None = None) -> Vpls:
     """The lit sides of pieces as virtual lights. counters: `surfels`, `surfels_lit` and `rays` are added to."""
     surface, count = surface_at(world, *pieces.points), len(pieces.area)
     albedo = surface.base
