@@ -2,11 +2,11 @@
 
     L(x) = L_e + L_direct + Σ_{|x - y_j| ≤ R} f_r ⟨n_x, l⟩⁺ ⟨n_j, -l⟩⁺ / max(ε_b, r²) · ρ_j/π · E_j · A_j
 
-Triangles are split until a piece's edge looks no longer than `surfel_size` pixels from the eye, on the screen or off it, before or
-behind what is seen: so light doesn't change when the camera turns. Pieces are the surfels; they are splatted on the pixels within
-one radius R, with interleave = s each on one of s² sub-images that a filter joins. Triangles are never merged: cost grows with their
-number. Light from beyond R is lost, and occlusion of the bounce is left out: with R = 2 (the whole scene) the image is that of `ir`,
-with regular points. Passes: surfels, light, gbuffer, direct, splat.
+Triangles are split until a piece's edge looks no longer than `surfel_size` pixels from the eye, on the screen or off it, seen or
+hidden: so light doesn't change when the camera turns. Pieces are the surfels; they are splatted on the pixels within one radius R,
+with interleave = s each on one of s² sub-images that a filter joins. Triangles are never merged: cost grows with their number.
+Light from beyond R is lost, and occlusion of the bounce is left out: with R = 2 (the whole scene) the image is that of `ir` with
+regular points. Passes: surfels, light, gbuffer, direct, splat.
 
 | setting           | default          | unit | range               | meaning                                               |
 | ----------------- | ---------------- | ---- | ------------------- | ----------------------------------------------------- |
@@ -85,19 +85,20 @@ class DeepScreenSpace(OneBounce):
     def prepare(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> Made:
         """Split triangles, light the pieces, draw a sub-image for each."""
         from renderers.transport.sampling import generator
-        from renderers.transport.surfels import lit_surfels, pieces_of
+        from renderers.transport.surfels import pieces_of
+        from renderers.transport.vpl import emit_at
 
         with context.watch("surfels"):
             pieces = pieces_of(world, context.size[1], settings.surfel_size, settings.levels)
         with context.watch("light"):
-            surfels = lit_surfels(world, pieces, settings.light_samples, context.seed, counters)
+            surfels = emit_at(world, *pieces, context.seed, settings.light_samples, counters)
         places = generator(context.seed, "sub-images").integers(settings.interleave**2, size=surfels.drawn)
         return Made(surfels, places[surfels.index])
 
     def bounce(
         self, world: World, gbuffer: GBuffer, direct: NDArray[np.float32], made: Made, settings: Any, counters: Counter[str]
     ) -> NDArray[np.float32]:
-        """All surfels on the whole picture, or each on its sub-image, s² times as strong, before the product with a diffuse albedo."""
+        """All surfels on the whole picture, or each on its sub-image, s² times as strong, and then the filter."""
         side = settings.interleave
         if side == 1:
             return splat(world, gbuffer, made.surfels, settings, counters)
