@@ -85,7 +85,9 @@ class Moments(NamedTuple):
 def polar_moments(radiance: NDArray[np.floating], nearness: NDArray[np.floating]) -> Moments:
     """Moments of hemispheres with radiance (K, M, N, 3) and nearness 1/r (K, M, N), 0 where nothing is hit (R = ∞ if nowhere)."""
     count, rings, sectors = nearness.shape
-    out = Moments(np.zeros((count, 3)), np.zeros((count, 3, 2)), np.zeros((count, 3, 2)), np.full(count, np.inf), np.zeros((count, 3)))
+    out = Moments(
+        np.zeros((count, 3)), np.zeros((count, 3, 2)), np.zeros((count, 3, 2)), np.full(count, np.inf), np.zeros((count, 3))
+    )
     _polar(radiance, nearness, *polar_tables(rings, sectors), *out)
     return out
 
