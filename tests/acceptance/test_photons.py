@@ -318,5 +318,5 @@ def test_images_have_the_energy_of_path_tracing(name: str) -> None:
     size = (40, 30)
     reference = renderers.get_method("pt").render(scene, renderers.get_method("pt").Settings(spp=1024), size=size)
     method = renderers.get_method(name)
-    image = method.render(scene, method.Settings(photons=1_000_000), size=size, seed=1)
+    image = method.render(scene, method.Settings(photons=1_000_000, area="corrected"), size=size, seed=1)
     assert image.layers["beauty"].mean() == pytest.approx(reference.layers["beauty"].mean(), rel=0.01)
