@@ -46,7 +46,7 @@ def main() -> None:
             counters, took = best[index].counters, seconds(best[index])
             pairs = counters.get("light_evaluations", counters.get("pixels_touched", 0))
             print(
-                f"{name} {kind} {settings}: {took:.3f} CPU s, {pairs / 1e6:.1f} M pairs, {pairs / took / 1e6:.0f} M per CPU-second, "
+                f"{name} {kind} {settings}: {took:.3f} CPU s, {pairs / 1e6:.1f} M pairs, {pairs / took / 1e6:.0f} M/CPU s, "
                 f"{counters.get('pixels_touched', 0) / 1e6:.1f} M lit, {took / seconds(best[0]):.2f} of ir's time",
                 flush=True,
             )
