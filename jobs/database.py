@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,15 @@ import sqlalchemy as sa
 
 from jobs.errors import StoreError
 
-BUSY_MS = 30_000
+WAIT_S = 30.0
+IDLE_S = 30.0
 META = sa.MetaData()
 EVALUATIONS = sa.Table(
     "luxmeter_evaluations", META,
     sa.Column("id", sa.String(80), primary_key=True),
-    sa.Column("created", sa.Float, nullable=False, index=True),
+    sa.Column("created", sa.Float, nullable=False),
     sa.Column("finished", sa.Float),
-    sa.Column("state", sa.String(16), nullable=False, index=True),
+    sa.Column("state", sa.String(16), nullable=False),
     sa.Column("priority", sa.Integer, nullable=False),
     sa.Column("attempt", sa.Integer, nullable=False),
     sa.Column("request", sa.Text, nullable=False),
@@ -27,6 +28,8 @@ EVALUATIONS = sa.Table(
     sa.Column("total", sa.Integer, nullable=False),
     sa.Column("events", sa.Integer, nullable=False),
     sa.Column("error", sa.Text),
+    sa.Index("luxmeter_evaluations_page", "created", "id"),
+    sa.Index("luxmeter_evaluations_state_page", "state", "created", "id"),
 )  # fmt: skip
 NODES = sa.Table(
     "luxmeter_nodes", META,
@@ -60,18 +63,34 @@ WORKERS = sa.Table(
 )  # fmt: skip
 
 
-def open_database(url: str) -> sa.Engine:
-    """An engine whose tables exist. Raises StoreError where the database can't be opened or written."""
+def open_database(url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S, flush: bool = True) -> sa.Engine:
+    """An engine whose tables exist. Raises StoreError where the database can't be opened or written.
+
+    flush: whether an SQLite file is flushed to disk at each commit, see `WithoutFlush`; wait_s: how long a writer waits for another one's lock on an SQLite file; idle_s: how long PostgreSQL lets a transaction stand
+    still before it ends it. A process that is stopped in the middle of one would hold its locks for ever.
+    """
     with readable_errors(url):
         prepare_file(url)
         engine = sa.create_engine(with_driver(url), pool_pre_ping=not is_sqlite(url))
-        if is_sqlite(url):
-            sa.event.listen(engine, "connect", _set_up_sqlite)
+        set_up = _set_up_sqlite(wait_s, flush) if is_sqlite(url) else _set_up_postgres(idle_s)
+        sa.event.listen(engine, "connect", set_up)
         with engine.begin() as connection:
             if not is_sqlite(url):  # two processes that create one table at once would both fail
                 connection.execute(sa.text("select pg_advisory_xact_lock(7239641)"))
             META.create_all(connection)
         return engine
+
+
+class WithoutFlush(sqlite3.Connection):
+    """A connection for what can be done again: its commits survive the end of any process, but a power cut may take the last of them.
+
+    The file is consistent all the same: with a write-ahead log, what is lost is a tail of it. A later commit that is flushed keeps
+    all before it. https://www.sqlite.org/pragma.html#pragma_synchronous
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.execute("pragma synchronous=normal")
 
 
 def prepare_file(url: str) -> None:
@@ -80,7 +99,7 @@ def prepare_file(url: str) -> None:
     if path is None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.closing(sqlite3.connect(path, timeout=BUSY_MS / 1000)) as connection:
+    with contextlib.closing(sqlite3.connect(path, timeout=WAIT_S)) as connection:
         connection.execute("pragma journal_mode=wal")
 
 
@@ -116,7 +135,18 @@ def readable_errors(url: str) -> Iterator[None]:
         raise StoreError(f"can't use the database {url}: {error.strerror or error}") from error
 
 
-def _set_up_sqlite(connection: Any, record: object) -> None:
-    connection.isolation_level = "IMMEDIATE"
-    connection.execute(f"pragma busy_timeout={BUSY_MS}")
-    connection.execute("pragma synchronous=full")
+def _set_up_sqlite(wait_s: float, flush: bool) -> Callable[[Any, object], None]:
+    def set_up(connection: Any, record: object) -> None:
+        connection.isolation_level = "IMMEDIATE"
+        connection.execute(f"pragma busy_timeout={round(wait_s * 1000)}")
+        connection.execute(f"pragma synchronous={'full' if flush else 'normal'}")
+
+    return set_up
+
+
+def _set_up_postgres(idle_s: float) -> Callable[[Any, object], None]:
+    def set_up(connection: Any, record: object) -> None:
+        connection.execute(f"set idle_in_transaction_session_timeout = {round(idle_s * 1000)}")
+        connection.commit()  # the pool rolls back what comes back to it, and with it an uncommitted setting
+
+    return set_up

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from jobs.plan import Plan, reference_id
 
 REPORT = "report"
+WINDOW = 32  # nodes of one evaluation that wait in a queue or run
 Queue = Literal["reference", "gl", "light"]
 
 
@@ -56,6 +58,23 @@ def references_of(plan: Plan, render: str) -> dict[int, dict[str, str]]:
         }
         for output in task.outputs
     }
+
+
+def startable(waiting: Sequence[Node], done: set[str], running: Mapping[str, Node], references_first: bool) -> list[Node]:
+    """Nodes to enqueue now: all light ones that can start, and others while there is room in the window."""
+    ready = [node for node in waiting if done.issuperset(node.after)]
+    room = WINDOW - sum(node.queue != "light" for node in running.values())
+    heavy = [node for node in ready if node.queue != "light"]
+    if references_first and any(node.queue == "reference" for node in (*waiting, *running.values())):
+        heavy = [node for node in heavy if node.queue == "reference"]
+    return [node for node in ready if node.queue == "light"] + heavy[: max(room, 0)]
+
+
+def withdrawable(nodes: Sequence[Node], states: Mapping[str, str]) -> list[str]:
+    """Nodes of a cancelled evaluation that needn't be done: what renders was done is still compared, and the report written."""
+    lost = {node.id for node in nodes if node.queue != "light" and states[node.id] != "done"}
+    lost |= {node.id for node in nodes if node.id != REPORT and not lost.isdisjoint(node.after)}
+    return [node.id for node in nodes if node.id in lost and states[node.id] == "queued"]
 
 
 def _compare(plan: Plan, render: str) -> Node:

@@ -27,13 +27,28 @@ def use_of(folder: Path, *, alone: bool, stop: Callable[[], None]) -> Iterator[N
 
 @contextmanager
 def only_one(path: Path) -> Iterator[bool]:
-    """Try to be the only live process that holds `path`; yields whether this one is."""
+    """Try to be the only live process that holds `path`; yields whether this one is. The file says which process it is."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     try:
-        yield _try(handle, fcntl.LOCK_EX)
+        ours = _try(handle, fcntl.LOCK_EX)
+        if ours:
+            os.truncate(handle, 0)
+            os.pwrite(handle, str(os.getpid()).encode(), 0)
+        yield ours
     finally:
         os.close(handle)
+
+
+def holder(path: Path) -> int | None:
+    """Process id of the live process that holds `path`, None where none does."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as stream:
+        if _try(stream.fileno(), fcntl.LOCK_EX):
+            return None
+        text = stream.read()
+    return int(text) if text.isdigit() else None
 
 
 def let_go(folder: Path) -> None:

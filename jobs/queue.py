@@ -13,20 +13,21 @@ import time
 import uuid
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, BinaryIO
 
-from pydantic import TypeAdapter
-
 from jobs.artifacts import Artifacts
-from jobs.durable import Client, load_plan
-from jobs.folder import cells_of, files_of
-from jobs.graph import graph
+from jobs.durable.client import Client
+from jobs.folder import cells_of, files_of, write_folder
+from jobs.graph import REPORT, graph
+from jobs.intake import Intake, Submission
 from jobs.outcome import Order
 from jobs.plan import Plan, plan
 from jobs.points import reach
 from jobs.records import LIVE, Records, Row
 from jobs.request import EvaluationRequest
 from jobs.store import Store
+from jobs.stored_plans import load_plan, store_plan
 from jobs.worker import Worker
 from reports.folder import Cell, State
 from reports.results import Result
@@ -63,6 +64,9 @@ class JobQueue:
         self.artifacts = Artifacts(store or home.artifacts)
         self.records = Records(database or home.database)
         self._client = Client(self.records.url)
+        self._intake = Intake(
+            self.records, lambda connection, s: self._client.enqueue(s.order.evaluation, 1, s.priority, connection)
+        )
 
     def close(self) -> None:
         """Close all connections."""
@@ -79,7 +83,7 @@ class JobQueue:
 
     def order(self, planned: Plan, id: str, **how: Any) -> Order:
         """How to carry a plan out as evaluation `id`; stores the plan."""
-        stored = self.artifacts.put(TypeAdapter(Plan).dump_json(planned))
+        stored = store_plan(self.artifacts, planned)
         created = datetime.now(UTC).isoformat(timespec="seconds")
         return Order(evaluation=id, plan=stored, run=uuid.uuid4().hex[:16], created=created, **how)
 
@@ -88,11 +92,13 @@ class JobQueue:
         nodes = [(node, planned.renders[node.key].method if node.kind == "render" else None) for node in graph(planned)]
         request = planned.request.model_copy(update={"priority": priority})
         reach("submit before record")
-        self.records.add(order, request.model_dump_json(), priority, nodes, time.time())
-        reach("submit before enqueue")
-        self._enqueue(order.evaluation)
+        created = time.time()
+        new = self._intake.add(Submission(order, request.model_dump_json(), priority, nodes, created))
         reach("submit after enqueue")
-        return self.status(order.evaluation)
+        if not new:
+            return self.status(order.evaluation)
+        cells, progress = cells_of(planned, {}, {}), {"done": 0, "total": len(nodes)}
+        return Status(order.evaluation, "queued", _iso(created), None, request, cells, progress)
 
     def status(self, id: str) -> Status:
         """State, progress and cells."""
@@ -138,6 +144,12 @@ class JobQueue:
         name = files_of(self._plan(self.records.evaluation(id)), self.records.outcomes(id)).get(path)
         return None if name is None else self.artifacts.get(name)
 
+    def export(self, id: str, folder: Path) -> None:
+        """Write what the evaluation has so far as an evaluation folder, without its report."""
+        row = self.records.evaluation(id)
+        outcomes = {name: outcome for name, outcome in self.records.outcomes(id).items() if name != REPORT}
+        write_folder(self._plan(row), Order.model_validate_json(row["order"]), outcomes, self.artifacts, folder)
+
     def results(self, id: str) -> Results:
         """Results of the cells that are done, in the plan's order."""
         planned = self._plan(self.records.evaluation(id))
@@ -173,8 +185,9 @@ class JobQueue:
             self.records.forget(id)
 
     def check(self) -> None:
-        """Raises StoreError where the database can't be reached or the store can't be written."""
+        """Raises StoreError where the database or the store can't be reached or written."""
         self._client.check()
+        self.records.check_writable()
         self.artifacts.check_writable()
 
     def _enqueue(self, id: str) -> None:

@@ -6,28 +6,35 @@ Every change of a node names the attempt it belongs to, so that a worker that wa
 from __future__ import annotations
 
 import json
+import sqlite3
 import time
+import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import sqlalchemy as sa
 
-from jobs.database import EVALUATIONS, EVENTS, NODES, WORKERS, is_sqlite, open_database, readable_errors
+from jobs.database import EVALUATIONS, EVENTS, IDLE_S, NODES, WAIT_S, WORKERS, is_sqlite, open_database, readable_errors
 from jobs.graph import Node
 from jobs.outcome import Order, Outcome
+from jobs.points import reach
 from reports.folder import State
 
 LIVE = ("queued", "running")
+ASK_S = 0.001
 Row = Mapping[str, Any]
 
 
 class Records:
-    """The tables of one database. Every method is one transaction; raises StoreError where the database can't be used."""
+    """The tables of one database. Every method is one transaction; raises StoreError where the database can't be used.
 
-    def __init__(self, url: str) -> None:
-        self.url = url
-        self._engine = open_database(url)
+    wait_s, idle_s, flush: see `open_database`.
+    """
+
+    def __init__(self, url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S, flush: bool = True) -> None:
+        self.url, self._wait_s = url, wait_s
+        self._engine = open_database(url, wait_s, idle_s, flush)
 
     def close(self) -> None:
         """Close all connections."""
@@ -39,24 +46,46 @@ class Records:
         with readable_errors(self.url), self._engine.begin() as connection:
             yield connection
 
+    @contextmanager
+    def urgent(self) -> Iterator[sa.Connection]:
+        """A transaction that writes, and gets SQLite's write lock soon after it is free.
+
+        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks least,
+        and waits for seconds. This one asks every millisecond for as long.
+        """
+        if not is_sqlite(self.url):
+            with self.transaction() as connection:
+                yield connection
+            return
+        with readable_errors(self.url), self._engine.connect() as connection:
+            _begin(connection, self._wait_s)
+            with connection.begin():
+                yield connection
+
     def add(self, order: Order, request: str, priority: int, nodes: Sequence[tuple[Node, str | None]], created: float) -> bool:
         """Add an evaluation and its nodes (node, method), all queued, unless it is there; whether it was added."""
+        with self.transaction() as c:
+            return self.add_within(c, order, request, priority, nodes, created)
+
+    def add_within(
+        self, c: sa.Connection, order: Order, request: str, priority: int, nodes: Sequence[tuple[Node, str | None]], created: float
+    ) -> bool:
+        """`add` as a part of a transaction."""
         row = {
             "id": order.evaluation, "created": created, "state": "queued", "priority": priority, "attempt": 1, "request": request,
             "order": order.model_dump_json(), "total": len(nodes), "events": 0,
         }  # fmt: skip
-        with self.transaction() as c:
-            new = self._insert(EVALUATIONS).values(row).on_conflict_do_nothing().returning(EVALUATIONS.c.id)
-            if c.execute(new).scalar() is None:
-                return False
-            c.execute(
-                sa.insert(NODES),
-                [
-                    {"evaluation": order.evaluation, "node": n.id, "attempt": 1, "queue": n.queue, "state": "queued", "method": m}
-                    for n, m in nodes
-                ],
-            )
-            self._say(c, order.evaluation, {"type": "evaluation", "state": "queued"})
+        new = self._insert(EVALUATIONS).values(row).on_conflict_do_nothing().returning(EVALUATIONS.c.id)
+        if c.execute(new).scalar() is None:
+            return False
+        c.execute(
+            sa.insert(NODES),
+            [
+                {"evaluation": order.evaluation, "node": n.id, "attempt": 1, "queue": n.queue, "state": "queued", "method": m}
+                for n, m in nodes
+            ],
+        )
+        self._say(c, order.evaluation, {"type": "evaluation", "state": "queued"})
         return True
 
     def evaluation(self, id: str) -> Row:
@@ -73,9 +102,7 @@ class Records:
         if state is not None:
             query = query.where(EVALUATIONS.c.state == state)
         if before is not None:
-            created, id = before
-            older = EVALUATIONS.c.created < created
-            query = query.where(older | ((EVALUATIONS.c.created == created) & (EVALUATIONS.c.id < id)))
+            query = query.where(sa.tuple_(EVALUATIONS.c.created, EVALUATIONS.c.id) < before)
         with self.transaction() as c:
             return [dict(row) for row in c.execute(query).mappings()]
 
@@ -116,7 +143,9 @@ class Records:
             now = time.time()
             if not self._update(c, id, attempt, LIVE, state=state, finished=now, error=error):
                 state, error = "cancelled", None
-                if not self._update(c, id, attempt, ("cancelled",), finished=now):
+                where = (EVALUATIONS.c.id == id, EVALUATIONS.c.attempt == attempt, EVALUATIONS.c.state == "cancelled")
+                noted = sa.update(EVALUATIONS).where(*where, EVALUATIONS.c.finished.is_(None)).values(finished=now)
+                if not c.execute(noted).rowcount:
                     return
             self._say(c, id, {"type": "evaluation", "state": state, "error": error, "finished": True})
 
@@ -195,8 +224,8 @@ class Records:
 
     def beat(self, worker: str, started: float, lease_s: float) -> list[str]:
         """Say that a worker lives; returns those that were silent for longer than the lease, which count as dead from now on."""
-        now = time.time()
         with self.transaction() as c:
+            now = self._now(c)
             new = self._insert(WORKERS).values(id=worker, started=started, seen=now)
             c.execute(new.on_conflict_do_update(index_elements=["id"], set_={"seen": now, "started": started}))
             dead = sa.delete(WORKERS).where(WORKERS.c.seen < now - lease_s, WORKERS.c.id != worker).returning(WORKERS.c.id)
@@ -231,6 +260,13 @@ class Records:
             c.execute(sa.delete(EVENTS).where(EVENTS.c.evaluation == id))
             c.execute(sa.delete(EVALUATIONS).where(EVALUATIONS.c.id == id))
 
+    def check_writable(self) -> None:
+        """Raises StoreError where nothing can be written."""
+        probe = f"probe {uuid.uuid4()}"
+        with self.transaction() as c:
+            c.execute(sa.insert(WORKERS).values(id=probe, started=0.0, seen=0.0))
+            c.execute(sa.delete(WORKERS).where(WORKERS.c.id == probe))
+
     def counts(self) -> list[Row]:
         """Queued and running nodes of each queue, and since when the oldest waits."""
         columns = (NODES.c.queue, NODES.c.state, sa.func.count().label("n"), sa.func.min(NODES.c.ready).label("oldest"))
@@ -250,6 +286,10 @@ class Records:
         query = sa.select(*columns).where(NODES.c.method.is_not(None)).group_by(NODES.c.method)
         with self.transaction() as c:
             return {row[0]: {"prepare": row[1] or 0.0, "render": row[2] or 0.0} for row in c.execute(query)}
+
+    def _now(self, c: sa.Connection) -> float:
+        """Seconds since 1970 by the one clock that all workers of this database share."""
+        return time.time() if is_sqlite(self.url) else float(c.execute(sa.text("select extract(epoch from now())")).scalar_one())
 
     def _insert(self, table: sa.Table) -> Any:
         from sqlalchemy.dialects import postgresql, sqlite
@@ -274,5 +314,25 @@ class Records:
         seq = c.execute(count.returning(EVALUATIONS.c.events)).scalar()
         if seq is None:
             raise KeyError(id)
+        reach("record half written")
         stored = {"seq": seq, "time": time.time(), **event}
         c.execute(sa.insert(EVENTS).values(evaluation=id, seq=seq, event=json.dumps(stored)))
+
+
+def _begin(connection: sa.Connection, wait_s: float) -> None:
+    """Take SQLite's write lock. Raises sqlite3.OperationalError where others hold it all that time."""
+    driver = connection.connection.dbapi_connection
+    assert isinstance(driver, sqlite3.Connection)
+    driver.execute("pragma busy_timeout=0")
+    end = time.monotonic() + wait_s
+    try:
+        while True:
+            try:
+                driver.execute("begin immediate")
+                return
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > end:
+                    raise
+            time.sleep(ASK_S)
+    finally:
+        driver.execute(f"pragma busy_timeout={round(wait_s * 1000)}")

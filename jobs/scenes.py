@@ -6,13 +6,14 @@ import inspect
 import os
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
 from jobs.store import Store
-from renderers import Scene, SceneError, builtin_scenes, load_scene
+from renderers import Scene, SceneError, load_scene
 
 UPLOAD = "upload-"
 
@@ -28,9 +29,10 @@ class NamedScene:
 
 def open_scene(text: str) -> NamedScene:
     """Load a scene from what the user wrote. Raises SceneError in one line."""
-    base, colon, tail = text.partition(":")
-    if colon and base in builtin_scenes():
-        return NamedScene(text, text, load_scene(base, **_parameters(base, tail)))
+    from renderers.scene.builtin import BUILTIN
+
+    if text.partition(":")[0] in BUILTIN:
+        return _built_in(text)
     uploaded = upload_file(text)
     if uploaded is not None:
         return NamedScene(text, text, load_scene(uploaded))
@@ -40,6 +42,13 @@ def open_scene(text: str) -> NamedScene:
         name = path.stem if path.stem != "scene" else path.resolve().parent.name
         text = str(path.resolve())
     return NamedScene(name, text, load_scene(text))
+
+
+@lru_cache(maxsize=16)
+def _built_in(text: str) -> NamedScene:
+    """A built-in scene, kept with what was computed of it: a service plans the same few again and again."""
+    base, colon, tail = text.partition(":")
+    return NamedScene(text, text, load_scene(base, **(_parameters(base, tail) if colon else {})))
 
 
 def parameters(name: str) -> dict[str, Any]:

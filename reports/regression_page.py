@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from reports.folder import Cell
 from reports.metrics import Pair, over_states
 from reports.regression import LEVEL, Side
 from reports.runs import evaluation_folders
-from reports.viewer import encode, shown_frames
+from reports.viewer import encode, shown_frames, write_difference
 
 IMAGED = ("regression", "improvement", "undecided", "changed-within-noise")
 
@@ -33,13 +33,11 @@ def write(comparison: Comparison, before: Path | None, after: Path, out: Path, a
     out.mkdir(parents=True, exist_ok=True)
     assets = out / "assets.part"
     shutil.rmtree(assets, ignore_errors=True)
-    for name in ("data", "thumbnails"):
-        (assets / name).mkdir(parents=True)
+    assets.mkdir()
     for name in OWN_ASSETS:
         shutil.copyfile(HERE / "assets" / name, assets / name)
-    sides = [{part: Side.of(f) for part, f in evaluation_folders(f).items()} if f else {} for f in (before, after)]
-    viewers = {row.key: _viewer(row, sides[0][row.part], sides[1][row.part], assets) for row in _imaged(comparison)}
-    page = environment().get_template("comparison.html").render(_context(comparison, viewers, accept, _reports(after, out)))
+    shown = context(comparison, write_images(comparison, before, after, assets))
+    page = environment().get_template("comparison.html").render(shown, accept=accept, reports=_reports(after, out), assets="assets")
     shutil.rmtree(out / "assets", ignore_errors=True)
     assets.rename(out / "assets")
     for name, text in (("comparison.json", comparison.model_dump_json(indent=2) + "\n"), ("index.html", page)):
@@ -47,6 +45,14 @@ def write(comparison: Comparison, before: Path | None, after: Path, out: Path, a
         part.write_text(text)
         part.replace(out / name)
     return out / "index.html"
+
+
+def write_images(comparison: Comparison, before: Path | None, after: Path, assets: Path) -> dict[str, Any]:
+    """Write the images of every changed row under `assets/data` and `assets/thumbnails`; what viewers need to know, by row key."""
+    for name in ("data", "thumbnails"):
+        (assets / name).mkdir(parents=True)
+    sides = [{part: Side.of(f) for part, f in evaluation_folders(f).items()} if f else {} for f in (before, after)]
+    return {row.key: _viewer(row, sides[0][row.part], sides[1][row.part], assets) for row in _imaged(comparison)}
 
 
 def _imaged(comparison: Comparison) -> list[RowChange]:
@@ -58,7 +64,8 @@ def _reports(after: Path, out: Path) -> list[str]:
     return [name for name, f in evaluation_folders(after).items() if name and f.parent == out and (f / "index.html").is_file()]
 
 
-def _context(comparison: Comparison, viewers: dict[str, Any], accept: str, reports: Sequence[str]) -> dict[str, Any]:
+def context(comparison: Comparison, viewers: Mapping[str, Any]) -> dict[str, Any]:
+    """What `changes.html` shows of a comparison; `viewers` is what `write_images` returned."""
     changed = [row for row in comparison.rows if row.verdict not in ("unchanged", "new", "gone")]
     quiet = [row for row in comparison.rows if row not in changed]
     return {
@@ -67,8 +74,6 @@ def _context(comparison: Comparison, viewers: dict[str, Any], accept: str, repor
             {"row": row, "summary": _summary(row), "lines": _lines(row), "viewer": viewers.get(row.key)} for row in changed
         ],
         "quiet": [{"row": row, "time": _quantity(row, "wall_s")} for row in quiet],
-        "accept": accept,
-        "reports": reports,
         "several_parts": len({row.part for row in comparison.rows}) > 1,
         "level": LEVEL,
         "headline": headline(comparison),
@@ -99,19 +104,20 @@ def _quantity(row: RowChange, key: str) -> Quantity | None:
 
 
 def _summary(row: RowChange) -> list[dict[str, Any]]:
-    """Cells of the first table: RMSE, bias, the counter that moved most, time."""
+    """Cells of the first table, each with its column's name: RMSE, bias, the counter that moved most, time."""
     counters = [q for q in row.quantities if q.kind == "work" and q.change != 0]
     most = max(counters, key=lambda q: q.size, default=None)
     found = [_quantity(row, "matched.rmse"), _quantity(row, "matched.mean_bias"), most, _quantity(row, "wall_s")]
     cells: list[dict[str, Any]] = []
-    for quantity in found:
+    for name, quantity in zip(("RMSE", "Bias", "Work", "Time"), found, strict=True):
         if quantity is None:
-            cells.append({"text": form.DASH, "value": None, "note": "", "direction": "same"})
+            cells.append({"name": name, "text": form.DASH, "value": None, "note": "", "direction": "same"})
             continue
         note = f"{written(quantity, quantity.before)} → {written(quantity, quantity.after)}"
         if quantity.kind == "work":
             note = f"{quantity.name}: {note}"
-        cells.append({"text": change(quantity), "value": quantity.change, "note": note, "direction": quantity.direction})
+        shown = {"text": change(quantity), "value": quantity.change, "note": note, "direction": quantity.direction}
+        cells.append({"name": name, **shown})
     return cells
 
 
@@ -172,7 +178,7 @@ def _viewer(row: RowChange, before: Side, after: Side, assets: Path) -> dict[str
         olds, new = cells[0][row.before_cells[index]], cells[1][row.after_cells[index]]
         entries = _entries(row, before, after, (olds, new), assets, exposure)
         if entries:
-            frames.append({"frame": row.frames[index], "images": entries})
+            frames.append({"frame": row.frames[index], "images": entries, "difference": f"{entries[0]['id']}-difference"})
     before.images.forget()
     after.images.forget()
     return {"exposure": exposure, "frames": frames}
@@ -193,6 +199,7 @@ def _entries(
     if truth is not None:
         over_new[keys[2]] = encode(over_states(truth.pair(new, exposure)))
         over_old[keys[2]] = encode(over_states(truth.pair(old, exposure)))
+    write_difference(assets / "thumbnails" / f"{keys[0]}-difference.png", new, old)
     seed = f"seed {cell.seed}"
     # The viewer puts an image's `matched` one beside it: the earlier image stands beside the later one.
     entries = [

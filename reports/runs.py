@@ -110,16 +110,21 @@ def accept(home: Path, folder: Path) -> Baseline:
 
 def accepted(home: Path, suite: str) -> Baseline | None:
     """The baseline of a suite; None before the first was accepted. Raises BrokenBaseline where its run is gone or altered."""
-    path = _pointer(home, suite)
-    if not path.is_file():
+    baseline = pointer(home, suite)
+    if baseline is None:
         return None
-    baseline = Baseline.model_validate(json.loads(path.read_text()))
     folder = Path(baseline.folder)
     if not folder.is_dir():
         raise BrokenBaseline(f"the accepted run {folder} is gone; accept another one")
     if digest(folder) != baseline.digest:
         raise BrokenBaseline(f"the accepted run {folder} was altered since it was accepted; accept another one")
     return baseline
+
+
+def pointer(home: Path, suite: str) -> Baseline | None:
+    """The baseline of a suite as it was recorded, unchecked; None before the first was accepted."""
+    path = _pointer(home, suite)
+    return Baseline.model_validate(json.loads(path.read_text())) if path.is_file() else None
 
 
 def _pointer(home: Path, suite: str) -> Path:

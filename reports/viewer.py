@@ -14,14 +14,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from renderers.images import write_png
+from renderers.images import luminance, write_png
 from reports.folder import Cell, SceneInfo
 from reports.metrics import over_states
 from reports.rows import Row
 from reports.stored import Images, StoredReference
 
 MOST_FRAMES = 8
+DIFFERENCE_RANGE = 0.25
 
 
 def shown_frames(frames: Sequence[int]) -> list[int]:
@@ -83,6 +85,19 @@ class _Frame:
         (self.assets / "data" / f"{key}.js").write_text(f"luxmeter.image({json.dumps(key)},{json.dumps(data)});\n")
         write_png(self.assets / "thumbnails" / f"{key}.png", pixels, self.scene.exposure)
         self.entries.append({"id": key, "label": label, "width": width, "height": height, **more})
+
+
+def write_difference(path: Path, test: NDArray[np.float32], other: NDArray[np.float32]) -> None:
+    """Write a PNG of the signed relative difference of luminance, (test − other) / (other + 1 % of its mean), as the viewer does:
+    blue where `test` is darker by 25 % or more, light grey where both are equal, orange where it is brighter by 25 % or more.
+    """
+    luma = luminance(other)
+    floor = luma + 0.01 * luma.mean()
+    apart = luminance(test) - luma
+    relative = np.divide(apart, floor, out=np.sign(apart), where=floor > 0)
+    scaled = np.clip(relative / DIFFERENCE_RANGE, -1, 1)[..., None]
+    ends = np.where(scaled < 0, (0, 90, 181), (200, 80, 0))
+    Image.fromarray((242 + (ends - 242) * abs(scaled)).round().astype(np.uint8)).save(path, "png")
 
 
 def encode(array: NDArray[Any]) -> str:

@@ -102,12 +102,13 @@ def render_resident(world: World, size: tuple[int, int], offset: tuple[float, fl
     assign(shader, clip_matrix=camera.column_major(clip), eye=tuple(world.camera.pose[:3, 3]), image=0, srgb=1)
     srgb_table().use(1)
     uploaded.bind()
-    _draw_runs(target, shader, world, uploaded)
+    draw_runs(target, shader, world, uploaded)
     passes.release(target, depth)
     return ResidentGBuffer(world, position, normal, base, ids, offset)
 
 
-def _draw_runs(target: Any, shader: Any, world: World, uploaded: Uploaded) -> None:
+def draw_runs(target: Any, shader: Any, world: World, uploaded: Uploaded) -> None:
+    """Draw all triangles with `gbuffer.*.glsl`, one call for each run of a texture."""
     vertices = uploaded.vertex_array(shader, "in_position", "in_normal", "in_uv")
     for first, count, texture in uploaded.runs:
         if texture >= 0:

@@ -1,12 +1,13 @@
 """Lookup of packed attenuation functions in a fragment shader: an index texture and a vertex texture (St-Amour 2004 §4.3).
 
-The published fixed slots make every pixel pay for the longest function; here each has as many vertices as it needs, found by a
-binary search. Twin of `renderers.transport.penumbra.lookup`.
+The published fixed slots (`PenumbraSlots`) make every pixel pay for the longest function; in `PenumbraTextures` each has as many
+vertices as it needs, found by a binary search. Twin, for points in free space, of `renderers.transport.penumbra.lookup`.
 """
 
 from __future__ import annotations
 
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,17 +53,46 @@ class PenumbraTextures:
 
     def hidden(self, points: NDArray[np.floating], *, bilinear: bool = True) -> NDArray[np.float32]:
         """Hidden share at points (H, W, 3) of the pyramid's frame, float32 (H, W); -1 outside of the pyramid. Raises GLError."""
-        height, width = points.shape[:2]
-        four = np.zeros((height, width, 4), np.float32)
-        four[..., :3] = points
-        where = context().texture((width, height), 4, four.tobytes(), dtype="f4")
-        target = passes.framebuffer([context().texture((width, height), 1, dtype="f4")])
         shader = program("fullscreen.vert.glsl", "penumbra.frag.glsl", "", (f"ROW {ROW}", *(("BILINEAR",) if bilinear else ())))
-        for unit, (name, texture) in enumerate((("points", where), ("index", self._index), ("vertices", self._vertices))):
-            texture.use(unit)
-            assign(shader, **{name: unit})
         assign(shader, grid=self._grid, range=self._span)
-        passes.draw_fullscreen(target, shader, "penumbra lookup")
-        image = np.array(passes.read(target.color_attachments[0])[..., 0])
-        passes.release(target, *target.color_attachments, where)
-        return image
+        return _looked_up(points, shader, {"index": self._index, "vertices": self._vertices})
+
+
+class PenumbraSlots:
+    """Functions of one pyramid in fixed slots, the published layout; a context manager that deletes the textures.
+
+    slots: uint32 (3 groups, height, width, 4). grid, span: as for PenumbraTextures. Its lookup is bilinear.
+    """
+
+    def __init__(self, slots: NDArray[np.uint32], grid: tuple[float, float, float], span: tuple[float, float]) -> None:
+        layers, height, width, _ = slots.shape
+        self._grid, self._span, self._groups = grid, span, layers // 3
+        self._slots = context().texture_array((width, height, layers), 4, np.ascontiguousarray(slots).tobytes(), dtype="u4")
+
+    def __enter__(self) -> PenumbraSlots:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._slots.release()
+
+    def hidden(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Hidden share at points (H, W, 3) of the pyramid's frame, float32 (H, W); -1 outside of the pyramid. Raises GLError."""
+        shader = program("fullscreen.vert.glsl", "penumbra_slots.frag.glsl", "", (f"GROUPS {self._groups}",))
+        assign(shader, grid=self._grid, range=self._span)
+        return _looked_up(points, shader, {"slots": self._slots})
+
+
+def _looked_up(points: NDArray[np.floating], shader: Any, textures: dict[str, Any]) -> NDArray[np.float32]:
+    """Run a lookup shader once per point (H, W, 3), float32 (H, W)."""
+    height, width = points.shape[:2]
+    four = np.zeros((height, width, 4), np.float32)
+    four[..., :3] = points
+    where = context().texture((width, height), 4, four.tobytes(), dtype="f4")
+    target = passes.framebuffer([context().texture((width, height), 1, dtype="f4")])
+    for unit, (name, texture) in enumerate({"points": where, **textures}.items()):
+        texture.use(unit)
+        assign(shader, **{name: unit})
+    passes.draw_fullscreen(target, shader, "penumbra lookup")
+    image = np.array(passes.read(target.color_attachments[0])[..., 0])
+    passes.release(target, *target.color_attachments, where)
+    return image

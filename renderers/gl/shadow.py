@@ -23,6 +23,7 @@ from renderers.gl.context import context, device
 from renderers.gl.lights import LightSample
 from renderers.gl.programs import assign, program
 from renderers.gl.upload import upload
+from renderers.reflective import LightView
 from renderers.scene.world import F64, World
 
 NORMAL_OFFSET = 0.25
@@ -71,12 +72,8 @@ class ShadowMap:
 
 def shadow_map(world: World, light: LightSample, resolution: int = 1024, taps: int = 0) -> ShadowMap:
     """Render the map of one light sample; `taps`: the widest PCF it will be read with. The caller releases it. Raises GLError."""
-    views, half = _tiles(light, resolution, taps)
-    centre = np.zeros(2)
-    parallel = light.kind == "directional"
-    depth = (0.0, 1.0)
-    if parallel:
-        centre, half, depth = _parallel_bounds(world, views[0], resolution, taps)
+    seen = light_view(world, light, resolution, taps)
+    views = seen.views
     size = (resolution, resolution * len(views))
     texture, buffer = context().texture(size, 1, dtype="f4"), passes.depth_target(size)
     target = passes.framebuffer([texture], buffer)
@@ -84,25 +81,37 @@ def shadow_map(world: World, light: LightSample, resolution: int = 1024, taps: i
     shader = program("shadow.vert.glsl", "shadow.frag.glsl")
     uploaded = upload(world)
     vertices = uploaded.vertex_array(shader, "in_position")
-    assign(shader, parallel=parallel, origin=tuple(light.position), axis=tuple(light.axis))
-    for k, rotation in enumerate(views):
+    assign(shader, parallel=seen.parallel, origin=tuple(light.position), axis=tuple(light.axis))
+    for k in range(len(views)):
         target.viewport = (0, k * resolution, resolution, resolution)
-        clip = _clip_matrix(rotation, light.position, centre, half, depth, parallel)
-        assign(shader, clip_matrix=camera.column_major(clip))
+        assign(shader, clip_matrix=camera.column_major(clip_matrix(seen, k)))
         passes.draw(target, vertices, "shadow map", depth=True, vertices=3 * uploaded.triangles)
     passes.release(target, buffer)
-    return ShadowMap(texture, resolution, parallel, views, light.position, centre, half)
+    return ShadowMap(texture, resolution, seen.parallel, views, light.position, seen.centre, seen.half)
 
 
-def _clip_matrix(rotation: F64, origin: F64, centre: F64, half: F64, depth: tuple[float, float], parallel: bool) -> F64:
-    zero_to_one = device().zero_to_one
-    if parallel:
+def light_view(world: World, light: LightSample, resolution: int, taps: int = 0) -> LightView:
+    """The tiles of a light sample, with a border for PCF over (2 taps + 1)² texels; needs no GL context."""
+    views, half = _tiles(light, resolution, taps)
+    centre, depth = np.zeros(2), (0.0, 1.0)
+    if light.kind == "directional":
+        centre, half, depth = _parallel_bounds(world, views[0], resolution, taps)
+    return LightView(
+        light.kind, light.position, light.axis, light.intensity, light.cosines, views, half, centre, depth, resolution
+    )  # fmt: skip
+
+
+def clip_matrix(view: LightView, tile: int) -> F64:
+    """World to clip space of one tile, (4, 4)."""
+    zero_to_one, rotation = device().zero_to_one, view.views[tile]
+    if view.parallel:
         matrix = np.eye(4)
         matrix[:3, :3] = rotation
-        return camera.orthographic(centre, half, depth, zero_to_one=zero_to_one) @ matrix
+        return camera.orthographic(view.centre, view.half, view.depth, zero_to_one=zero_to_one) @ matrix
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation.T, origin
-    return camera.perspective((float(half[0]), float(half[1])), NEAR, zero_to_one=zero_to_one) @ camera.view(pose)
+    pose[:3, :3], pose[:3, 3] = rotation.T, view.origin
+    tangents = float(view.half[0]), float(view.half[1])
+    return camera.perspective(tangents, NEAR, zero_to_one=zero_to_one) @ camera.view(pose)
 
 
 def _tiles(light: LightSample, resolution: int, taps: int) -> tuple[F64, F64]:

@@ -24,7 +24,7 @@ splat (with the filter where interleaved).
 | visibility        | none             |      | none, raycast            | occlusion between VPL and receiver                   |
 | passes            | 1                | 1    | 1 … 4096                 | progressive: average of draws of N VPLs              |
 | interleave        | 1                | 1    | 1, 2, 4, 8               | s: each VPL in one of s² sub-images, then a filter   |
-| sampler           | low-discrepancy  |      | or uniform               | of the points and the levels                         |
+| sampler, eta      | low-discrepancy  |      | uniform, resampled       | of the points, as `ir`, and of the levels            |
 | light_samples     | 16               | 1    | 1 … 4096                 | samples of area lights and sky, per pixel and VPL    |
 | direct_visibility | raycast          |      | raycast, shadow-map      | shadows of the direct layer                          |
 | backend           | auto             |      | auto, gl, cpu            | auto: a fixed table on the device string             |
@@ -41,7 +41,19 @@ from numpy.typing import NDArray
 from renderers.frame import Frame
 from renderers.method import Context, register, setting
 from renderers.methods.flc_levels import calibrate, family_of, notes_of
-from renderers.methods.ir import InstantRadiosity, IrSettings, backend_of, clamp_of, direct_layer, gather_vpls, make_gbuffer, timed
+from renderers.methods.ir import (
+    InstantRadiosity,
+    IrSettings,
+    backend_of,
+    clamp_of,
+    direct_layer,
+    eta_of,
+    gather_vpls,
+    light_of,
+    make_gbuffer,
+    resampled,
+    timed,
+)
 from renderers.methods.ir import warm_up as warm_up_ir
 from renderers.scene.model import Scene
 from renderers.scene.world import LAMBERT, World
@@ -49,6 +61,7 @@ from renderers.scene.world import LAMBERT, World
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.cuts import Family
+    from renderers.transport.resampling.points import Points
     from renderers.transport.vpl import Vpls
 
 WHOLE = 4.0
@@ -74,8 +87,10 @@ class FlcSettings(IrSettings):
         "support functions: roulette, or published: C⁰ hats, C⁻¹ steps, hats prolonged linearly, the logarithmic ridge",
         source="Laurent 2018 §4.2-4.3; roulette: docs/methods/flc.md",
     )
-    sampler: Literal["uniform", "low-discrepancy"] = setting(
-        "low-discrepancy", "of points and levels: independent, or an Owen-scrambled Sobol' set"
+    sampler: Literal["uniform", "low-discrepancy", "resampled"] = setting(
+        "low-discrepancy",
+        "of points and levels: independent, an Owen-scrambled Sobol' set, or triangle by triangle at constant density",
+        source="Laurent 2018 chapter 5",
     )
     levels: int | None = setting(None, "K, number of levels; empty: from reach", source=CHAPTER, ge=1, le=32)
     q_a: float = setting(2.0, "ratio of the areas of neighbouring levels", source="Laurent 2018 eq. 4.28", gt=1, le=100)
@@ -117,6 +132,7 @@ class ForwardLightCuts(InstantRadiosity):
                 "q_n": c.q_n,
                 "epsilon_omega": c.epsilon_omega,
                 "eps_b": clamp_of(scene, settings.eps_b),
+                "eta": eta_of(scene, settings.model_copy(update={"vpls": c.vpls})),
                 "backend": backend_of(settings.backend, settings.visibility, device),
             }
         )
@@ -126,8 +142,9 @@ class ForwardLightCuts(InstantRadiosity):
         with watch("warm-up", "prepare"):
             warm_up(world, settings)
         family = family_of(scene, settings)
+        points = [resampled(world, settings, context.seed, watch, p) for p in range(settings.passes)]
         with watch("vpls"):
-            draws = [draw(world, family, settings, context.seed + (p << 48), counters) for p in range(settings.passes)]
+            draws = [draw(world, family, settings, context.seed + (p << 48), counters, points[p]) for p in range(settings.passes)]
         direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
         indirect = np.zeros_like(direct)
         k, on_gl = settings.subpixels, settings.backend == "gl"
@@ -162,25 +179,27 @@ def warm_up(world: World, settings: Any) -> None:
     compile_splat({"linear": 1, "ridge": 2, "roulette": 3}.get(settings.family, 0), pairwise)
 
 
-def draw(world: World, family: Family, settings: Any, seed: int, counters: Counter[str]) -> Draw:
+def draw(world: World, family: Family, settings: Any, seed: int, counters: Counter[str], points: Points | None = None) -> Draw:
     """VPLs of one seed, those of `ir`, with a level and a sub-image each, drawn independently of all else.
 
     Low-discrepancy levels are the dimension of the points' Sobol' sequence after theirs, scrambled on its own: lights near one
-    another differ in level, so that each level alone is well spread too.
+    another differ in level, so that each level alone is well spread too. Resampled points bring the numbers of both along: the
+    level's is what the draw of the point left over (5.12, 5.23).
     """
     from renderers.transport.sampling import generator, uniform_numbers
     from renderers.transport.splat import light_rows
-    from renderers.transport.vpl import emit_vpls
 
-    vpls = emit_vpls(world, settings.vpls, seed, settings.sampler, settings.light_samples, counters)
+    vpls = light_of(world, points, settings, seed, counters)
     family = family.among(vpls.intensities)
-    rng = generator(seed, "levels")
-    if settings.sampler == "uniform":
-        numbers = rng.random(vpls.drawn)
+    levels = generator(seed, "levels")
+    if vpls.numbers is not None:
+        marks = family.draw(vpls.numbers[:, 0])
+        place = (vpls.numbers[:, 1] * settings.interleave**2).astype(np.int64)
     else:
-        numbers = uniform_numbers(vpls.drawn, 4, rng, settings.sampler)[:, 3]
-    marks = family.draw(numbers[vpls.index])
-    place = generator(seed, "sub-images").integers(settings.interleave**2, size=vpls.drawn)[vpls.index]
+        independent = settings.sampler == "uniform"
+        numbers = levels.random(vpls.drawn) if independent else uniform_numbers(vpls.drawn, 4, levels, settings.sampler)[:, 3]
+        marks = family.draw(numbers[vpls.index])
+        place = generator(seed, "sub-images").integers(settings.interleave**2, size=vpls.drawn)[vpls.index]
     for level, count in zip(*np.unique(marks.astype(np.int64), return_counts=True), strict=True):
         counters[f"vpls_level_{level}"] += int(count)
     return Draw(vpls, light_rows(vpls, family, marks), place)

@@ -6,6 +6,7 @@ from math import ceil, inf, log
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from renderers.scene.model import Scene
+from renderers.scene.surface import rest_surface
 from renderers.scene.world import rest_bounds
 
 if TYPE_CHECKING:
@@ -36,8 +37,7 @@ def calibrate(scene: Scene, settings: Any) -> Calibration:
     radius = rest_bounds(scene)[1]
     vpls = settings.vpls or round(1024 * 64**settings.quality)
     q_n = settings.q_n or settings.q_a
-    world = scene.world()
-    surface = float(world.areas.sum()) / world.scale**2
+    surface = rest_surface(scene)
     roulette = settings.family == "roulette"
     # Of the discrete levels, μ_1 of an endless geometric law: K isn't known yet, and changes it by the last term only.
     first_area = surface / vpls / (1.0 if roulette else 1 - 1 / q_n)

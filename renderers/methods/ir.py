@@ -12,7 +12,9 @@ vpls (points and their shadowed direct irradiance), gbuffer, direct, gather.
 | vpls              | 1024             | 1    | 1 … 2²⁴                  | N, points on the surfaces; each lit side is one VPL |
 | eps_b             | (1 % of radius)² | m²   | ≥ 0                      | clamp on the squared distance, the same for every N |
 | visibility        | none             |      | none, raycast            | occlusion between VPL and receiver                  |
-| sampler           | uniform          |      | uniform, low-discrepancy | independent points, or Owen-scrambled Sobol'        |
+| sampler           | uniform          |      | …, resampled             | points by area: independent, an Owen-scrambled      |
+|                   |                  |      |                          | Sobol' set, or resampled triangle by triangle       |
+| eta               | rest area / N    | m²   | > 0                      | resampled: η*, surface area of one point            |
 | light_samples     | 16               | 1    | 1 … 4096                 | samples of area lights and sky, per pixel and VPL   |
 | direct_visibility | raycast          |      | raycast, shadow-map      | shadows of the direct layer                         |
 | backend           | auto             |      | auto, gl, cpu            | auto: a fixed table on the device string            |
@@ -31,15 +33,19 @@ from numpy.typing import NDArray
 from renderers.frame import Frame, Stopwatch
 from renderers.method import Claim, Context, Method, Settings, Transport, register, setting
 from renderers.scene.model import Scene
+from renderers.scene.surface import rest_surface
 from renderers.scene.world import LAMBERT, World, rest_bounds
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
+    from renderers.transport.resampling.points import Points
     from renderers.transport.vpl import Vpls
 
 SOFTWARE_DEVICES = ("llvmpipe", "softpipe", "swrast")
 CLAMP_SHARE = 0.01
 SOURCE = "Laurent 2018 §4.2"
+# Whether GL shaders have been compiled, as drivers do it in the first draw, for Worlds without and with textures.
+_COMPILED: set[bool] = set()
 
 
 class IrSettings(Settings):
@@ -54,7 +60,16 @@ class IrSettings(Settings):
         ge=0,
     )
     visibility: Literal["none", "raycast"] = setting("none", "occlusion between virtual light and receiver", source=SOURCE)
-    sampler: Literal["uniform", "low-discrepancy"] = setting("uniform", "independent points or an Owen-scrambled Sobol' set")
+    sampler: Literal["uniform", "low-discrepancy", "resampled"] = setting(
+        "uniform", "independent points, an Owen-scrambled Sobol' set, or points resampled triangle by triangle, stable under motion"
+    )
+    eta: float | None = setting(
+        None,
+        "resampled: η*, surface area of one point; empty: area in rest pose / vpls",
+        unit="m²",
+        source="Laurent 2018 eq. 5.1",
+        gt=0,
+    )
     light_samples: int = setting(16, "samples of area lights and environment, per pixel and per virtual light", ge=1, le=4096)
     direct_visibility: Literal["raycast", "shadow-map"] = setting("raycast", "shadows of the direct layer")
     backend: Literal["auto", "gl", "cpu"] = setting("auto", "where G-buffer and gather run; auto: by a table on the device string")
@@ -79,19 +94,22 @@ class InstantRadiosity(Method):
         return "one-bounce" if settings.visibility == "raycast" else "one-bounce-unoccluded"
 
     def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
-        """Fill in `eps_b` from the scene's radius and `backend` from the device string; ray-cast visibility runs on the CPU."""
+        """Fill in `eps_b` and `eta` from the scene and `backend` from the device string; ray-cast visibility runs on the CPU."""
         return settings.model_copy(
-            update={"eps_b": clamp_of(scene, settings.eps_b), "backend": backend_of(settings.backend, settings.visibility, device)}
+            update={
+                "eps_b": clamp_of(scene, settings.eps_b),
+                "eta": eta_of(scene, settings),
+                "backend": backend_of(settings.backend, settings.visibility, device),
+            }
         )
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
         with watch("warm-up", "prepare"):
             warm_up(world, settings)
+        points = resampled(world, settings, context.seed, watch)
         with watch("vpls"):
-            from renderers.transport.vpl import emit_vpls
-
-            vpls = emit_vpls(world, settings.vpls, context.seed, settings.sampler, settings.light_samples, counters)
+            vpls = light_of(world, points, settings, context.seed, counters)
         direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
         indirect = np.zeros_like(direct)
         k, on_gl = settings.subpixels, settings.backend == "gl"
@@ -114,6 +132,13 @@ def clamp_of(scene: Scene, eps_b: float | None) -> float:
     return (CLAMP_SHARE * rest_bounds(scene)[1]) ** 2 if eps_b is None else eps_b
 
 
+def eta_of(scene: Scene, settings: Any) -> float | None:
+    """η* in m²: as given, or the scene's rest area over N; of the rest pose, so that it doesn't change with animation."""
+    if settings.sampler != "resampled" or settings.eta is not None:
+        return settings.eta  # type: ignore[no-any-return]
+    return rest_surface(scene) / settings.vpls  # type: ignore[no-any-return]
+
+
 def backend_of(backend: str, visibility: str, device: str) -> str:
     """The table behind `auto`: ray casting and software rasterisers → cpu, anything else → gl."""
     if visibility == "raycast":
@@ -132,13 +157,55 @@ def warm_up(world: World, settings: Any) -> None:
 
     caster_of(world)
     if settings.backend == "cpu":
+        if settings.sampler == "resampled":
+            from renderers.transport.resampling.points import warm_up as compile_kernels
+
+            compile_kernels()
         compile_gather(settings.visibility == "raycast", bool((world.materials.kind != LAMBERT).any()))
         return
-    from renderers.gl.gather import gather as gather_gl
-    from renderers.gl.gbuffer import render_gbuffer
+    from renderers.gl.upload import upload
 
-    light = np.zeros((1, 3), np.float32)
-    gather_gl(render_gbuffer(world, (1, 1)), world, light, light, light, 0.0)
+    upload(world)
+    textured = bool(world.textures)
+    if textured not in _COMPILED:
+        from renderers.gl.gather import gather as gather_gl
+        from renderers.gl.gbuffer import render_gbuffer
+
+        light = np.zeros((1, 3), np.float32)
+        gather_gl(render_gbuffer(world, (1, 1)), world, light, light, light, 0.0)
+        _COMPILED.add(textured)
+    if settings.sampler == "resampled":
+        from renderers.gl.resample import warm_up as compile_shaders
+
+        compile_shaders()
+
+
+def resampled(world: World, settings: Any, seed: int, watch: Stopwatch, draw: int = 0) -> Points | None:
+    """The points of `sampler="resampled"`, drawn on the resolved backend as a pass of their own; None with other samplers.
+
+    draw: 0, 1, … gives further draws of the same vertices' numbers, each one shifted, that fill the gaps of those before.
+    """
+    if settings.sampler != "resampled":
+        return None
+    on_gl, area = settings.backend == "gl", settings.eta * world.scale**2
+    with timed(watch, "resample", "render", on_gl):
+        from renderers.transport.resampling.points import Points, progressive_shift, resample
+
+        if not on_gl:
+            return resample(world, area, seed, progressive_shift(draw))
+        from renderers.gl.resample import resample as resample_gl
+        from renderers.transport.resampling.numbers import keys
+
+        return Points(*resample_gl(world, area, keys(seed), progressive_shift(draw))).sorted()
+
+
+def light_of(world: World, points: Points | None, settings: Any, seed: int, counters: Counter[str]) -> Vpls:
+    """VPLs of resampled points, or else of points drawn over all surfaces by the settings' sampler."""
+    from renderers.transport.vpl import emit_resampled, emit_vpls
+
+    if points is None:
+        return emit_vpls(world, settings.vpls, seed, settings.sampler, settings.light_samples, counters)
+    return emit_resampled(world, points, settings.eta * world.scale**2, settings.light_samples, seed, counters)
 
 
 def timed(watch: Stopwatch, name: str, stage: Literal["prepare", "render"], on_gl: bool) -> contextlib.AbstractContextManager[None]:

@@ -36,6 +36,7 @@ class PercentageCloserSoftShadows(SoftShadows):
     source = "Fernando 2005"
     Settings = PcssSettings
     how_area = "the penumbra is that of one mean blocker seen from the light's centre"
+    horizon = False
 
     def warm_up(self) -> None:
         """Import the kernels."""

@@ -8,9 +8,9 @@ light is followed through every map, its visibility changes are sorted and summe
 within epsilon. Rendering (algorithm 4.1): look V up at each pixel's surface point, bilinearly between four rays. Passes: warm-up,
 maps (build), gbuffer, direct.
 
-Extensions: exact texel traversal (walk = midpoint is the published one); up to six pyramids around a light instead of one; the bias
-that each texel's own plane needs; lookup off the surface along its normal; points near the light that no pyramid covers are ray
-cast.
+Extensions: exact texel traversal (walk = midpoint is the published one), in lockstep where the light is flat; up to six pyramids
+around a light instead of one; the bias that each texel's own plane needs, at most half way to the next surface; light from behind
+the receiver's plane counts once; points near the light that no pyramid covers are ray cast.
 
 | setting        | default  | unit | range                            | meaning                                                    |
 | -------------- | -------- | ---- | -------------------------------- | ---------------------------------------------------------- |
@@ -21,11 +21,11 @@ cast.
 | compression    | vertical |      | none, vertical, perpendicular    | metric of epsilon                                          |
 | epsilon        | 0.02     | 1    | 0.0001 … 0.5                     | tolerance of the compression                               |
 | filter         | bilinear |      | bilinear, nearest                | between functions of neighbouring pixels                   |
-| bias           | 0.001    | r    | 0 … 1                            | added to all depths, in scene radii                        |
-| slope_bias     | 0.05     | r    | 0 … 1                            | largest bias of slanted surfaces, in scene radii           |
-| normal_offset  | 0.25     | px   | 0 … 8                            | lookup off the surface, in pixel footprints                |
+| bias           | 0.00025  | r    | 0 … 1                            | added to all depths, in scene radii                        |
+| normal_offset  | 0.0      | 1    | 0 … 8                            | lookup on the receiver's plane, lifted so far; 0: off      |
+| slope_bias     | 0.2      | r    | 0 … 1                            | largest bias of slanted surfaces in maps, in scene radii   |
 | near           | 1.0      | 1    | 0.01 … 100                       | near plane's distance from the light, in its half sizes    |
-| lights         | 8        | 1    | 1 … 64                           | brightest area lights with maps; others are ray cast |
+| lights         | 8        | 1    | 1 … 64                           | brightest area lights with maps; others are ray cast       |
 | light_samples  | 64       | 1    | 1 … 4096                         | samples per pixel of the unshadowed light                  |
 | memory         | 1024     | MiB  | 1 … 65536                        | bound on shadow maps and events at a time                  |
 | subpixels      | 1        | 1    | 1 … 8                            | k: average k×k G-buffers                                   |
@@ -60,8 +60,13 @@ class PdsmSettings(SoftShadowSettings):
     filter: Literal["bilinear", "nearest"] = setting(
         "bilinear", "between functions of neighbouring pixels", source="St-Amour 2004 §4.1"
     )
-    slope_bias: float = setting(0.05, "largest additional bias of slanted surfaces, in scene radii", unit="r", ge=0, le=1)
-    normal_offset: float = setting(0.25, "lookup off the surface, in footprints of a pyramid's pixel", unit="px", ge=0, le=8)
+    bias: float = setting(2.5e-4, "added to all stored depths, in scene radii", unit="r", source="St-Amour 2004 §3.1", ge=0, le=1)
+    normal_offset: float = setting(
+        0.0, "lookup on the receiver's plane, lifted: 1 lets no plane shadow itself even without slope_bias", ge=0, le=8
+    )
+    slope_bias: float = setting(
+        0.2, "largest additional bias of slanted surfaces, in scene radii; at most half way to the next", unit="r", ge=0, le=1
+    )
     memory: int = setting(
         1024, "bound on shadow maps and events that live at a time", unit="MiB", source="St-Amour 2004 §3.4", ge=1, le=65536
     )

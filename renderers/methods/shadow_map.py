@@ -34,6 +34,7 @@ class ShadowMap(SoftShadows):
     source = "Williams 1978; Reeves, Salesin & Cook 1987"
     Settings = ShadowMapSettings
     how_area = "casts shadows from its centre alone; their edges are hard, or blurred by one fixed width"
+    horizon = False
 
     def warm_up(self) -> None:
         """Import the kernels."""

@@ -1,7 +1,8 @@
 """What all methods share that know the hidden share of an area light: C = Σ_e C_e (1 - V_e), everything else ray cast.
 
-Not a method of its own: `pdsm`, `averaged-shadow-maps`, `shadow-map`, `pcss` and `ray-cast-area-light` differ in V alone, so their
-images differ by nothing else. Punctual lights and the environment are ray cast, exactly.
+Not a method of its own: `pdsm`, `averaged-shadow-maps`, `layered-attenuation-map`, `moment-shadow-map`, `pcss`, `shadow-map` and
+`ray-cast-area-light` differ in V alone, so their images differ by nothing else. Punctual lights and the environment are ray cast,
+exactly.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ class SoftShadows(Method):
     """Direct light with a hidden share per area light; subclasses say where the share comes from."""
 
     how_area: ClassVar[str]
+    # whether V counts the light points behind a receiver's plane, which its own surface hides
+    horizon: ClassVar[bool] = True
     claims: ClassVar = {}
 
     def __init_subclass__(cls) -> None:
@@ -78,7 +81,9 @@ class SoftShadows(Method):
                 gbuffer = cast_gbuffer(world, context.size, ((index % k + 0.5) / k, (index // k + 0.5) / k))
             with watch("direct"):
                 seed = context.seed + (index << 32)
-                total += shaded(world, gbuffer, emitters, points, hidden, settings.light_samples, seed, counters)
+                total += shaded(
+                    world, gbuffer, emitters, points, hidden, settings.light_samples, seed, counters, horizon=self.horizon
+                )
             counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
         direct = (total / k**2).astype(np.float32)
         layers = {"direct": direct, "indirect": np.zeros_like(direct), "beauty": direct.copy()}

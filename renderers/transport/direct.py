@@ -65,10 +65,14 @@ def irradiance(
     seed: int = 0,
     visibility: Visibility = "raycast",
     counters: Counter[str] | None = None,
+    shifts: F64 | None = None,
 ) -> F64:
-    """Direct irradiance on the side that `normal` (shading, unit) points to, float64 (N, 3); position, normal, geometric (N, 3)."""
+    """Direct irradiance on the side that `normal` (shading, unit) points to, float64 (N, 3); position, normal, geometric (N, 3).
+
+    shifts (N, 6) in [0, 1): move each receiver's light samples; drawn by row from `seed` where they aren't given.
+    """
     return _gathered(
-        world, Receivers(position, normal, geometric), None, None, light_samples, seed, "irradiance", visibility, counters
+        world, Receivers(position, normal, geometric), None, None, light_samples, seed, "irradiance", visibility, counters, shifts
     )
 
 
@@ -76,7 +80,7 @@ def receivers_of(world: World, gbuffer: GBuffer, rows: NDArray[np.intp]) -> Rece
     """Receivers of flat pixel indices (N,) that see a surface."""
     position = gbuffer.position.reshape(-1, 3)[rows].astype(np.float64)
     normal = gbuffer.normal.reshape(-1, 3)[rows].astype(np.float64)
-    return Receivers(position, normal, world.face_normals[gbuffer.triangle.ravel()[rows]])
+    return Receivers(position, normal, world.normals_of(gbuffer.triangle.ravel()[rows]))
 
 
 def emitted(world: World, gbuffer: GBuffer) -> NDArray[np.float32]:
@@ -99,10 +103,12 @@ def _gathered(
     stream: str,
     visibility: Visibility,
     counters: Counter[str] | None,
+    shifts: F64 | None = None,
 ) -> F64:
     count = len(receivers.position)
     lights = Lights(world, samples)
-    shifts = generator(seed, stream).random((count, 6)) if lights.stochastic else np.zeros((count, 6))
+    if shifts is None:
+        shifts = generator(seed, stream).random((count, 6)) if lights.stochastic else np.zeros((count, 6))
     caster = caster_of(world) if visibility == "raycast" else None
 
     def chunk(part: slice) -> tuple[F64, int]:

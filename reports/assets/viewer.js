@@ -3,6 +3,7 @@
 // as scripts that call luxmeter.image (a page opened from disk may not fetch files).
 
 const luxmeter = (() => {
+  const ASSETS = document.currentScript.dataset.assets ?? "assets"; // a page elsewhere says where the folder lies
   const LUMA = [0.2126, 0.7152, 0.0722];
   const MODES = [["side", "Side by side"], ["slider", "Slider"], ["flip", "Flip"], ["relative", "Relative error"], ["over", "Over 2 %"]];
   const STATES = [["within 2 %", [38, 44, 56]], ["over 2 %", [213, 94, 0]], ["undecided: the reference is too noisy", [86, 180, 233]]];
@@ -20,7 +21,7 @@ const luxmeter = (() => {
     if (!pending.has(id)) {
       pending.set(id, new Promise((resolve, reject) => {
         const script = document.createElement("script");
-        script.src = `assets/data/${encodeURIComponent(id)}.js`;
+        script.src = `${ASSETS}/data/${encodeURIComponent(id)}.js`;
         script.onload = () => resolve(loaded.get(id));
         script.onerror = () => reject(new Error(`no data for ${id}`));
         document.head.append(script);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
+import os
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from service.tokens import TokenStore
 
 STOP_S = 20
 GRACE_S = 3
+NICER = 5  # a worker gives way to the service on the same machine; where nothing else wants to run, this changes nothing
 HEADERS_KIB = 32
 
 
@@ -30,6 +32,10 @@ def serve(
     name: Annotated[
         list[str] | None, typer.Option(help="A name the service is reached by; others are refused. Repeat for more.")
     ] = None,
+    request_rate: Annotated[float, typer.Option(min=0, help="Requests a second that one address may send; 0: any number.")] = 50,
+    submission_rate: Annotated[
+        float, typer.Option(min=0, help="Changes a second that one address may ask for; 0: any number.")
+    ] = 2,
 ) -> None:
     """Serve HTTP and pages until interrupted. Logs go to stderr, one JSON object a line."""
     loopback = is_loopback(host)
@@ -45,7 +51,10 @@ def serve(
 
     logs.configure()
     hosts = tuple(name) if name else ("localhost", "127.0.0.1", "::1", host) if loopback else None
-    app = create_app(JobQueue(), ServerSettings(require_token=not loopback, hosts=hosts))
+    settings = ServerSettings(
+        require_token=not loopback, hosts=hosts, requests_per_s=request_rate, submissions_per_s=submission_rate
+    )
+    app = create_app(JobQueue(), settings)
     config = uvicorn.Config(
         app, host=host, port=port, log_config=None, access_log=False, server_header=False, timeout_graceful_shutdown=GRACE_S,
         limit_concurrency=500, h11_max_incomplete_event_size=HEADERS_KIB * 1024, http="h11", lifespan="off",
@@ -60,6 +69,7 @@ def worker() -> None:
     from service.http import logs
 
     logs.configure()
+    os.nice(NICER)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -7,8 +7,10 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field
 
 from jobs.request import EvaluationRequest
+from reports.change import Comparison
 from reports.folder import Cell, State
 from reports.results import Result
+from reports.runs import RunInfo
 from service.http.queue import ENDED, Status
 from service.http.uploads import UploadedScene
 
@@ -112,26 +114,44 @@ class SceneList(BaseModel):
     items: list[SceneView]
 
 
-class ComparedRow(BaseModel):
-    """One configuration in both evaluations: means over its seeds and frames, and b − a."""
+class RunView(RunInfo):
+    """A nightly run. accepted: later runs of its suite are compared with it; page: what changed since the accepted run."""
 
-    scene: str
-    label: str
-    against: str
-    metric: str
-    a: float | None
-    b: float | None
-    change: float | None
+    accepted: bool
+    page: str
 
 
-class Comparison(BaseModel):
-    """Two evaluations side by side; only_a and only_b list what the other lacks, as `scene: label`."""
+class RunList(BaseModel):
+    """A page of nightly runs, latest first. `next_cursor` is null on the last one."""
 
-    a: str
+    items: list[RunView]
+    next_cursor: str | None = None
+
+
+class RowImages(BaseModel):
+    """Addresses of PNGs of one frame of a changed row: both runs' images, their difference, the reference where there is one."""
+
+    frame: int
+    before: str
+    after: str
+    difference: str
+    reference: str | None = None
+
+
+class ComparisonLinks(BaseModel):
+    """Where to go from a comparison."""
+
+    page: str
+
+
+class ComparisonView(Comparison):
+    """What changed from run or evaluation `a` (null: nothing was accepted yet) to `b`. images: by the key of their row."""
+
+    a: str | None
     b: str
-    rows: list[ComparedRow]
-    only_a: list[str]
-    only_b: list[str]
+    headline: str
+    images: dict[str, list[RowImages]]
+    links: ComparisonLinks
 
 
 def links(status: Status, report: bool | None = None) -> Links:

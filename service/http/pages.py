@@ -12,31 +12,39 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+import reports
 from jobs.settings import limits
 from renderers import UnknownMethod, get_method, registered_methods
 from renderers.scene.model import NEEDS
 from reports import format as form
-from reports.registry import METRICS
+from reports.regression_page import context
 from service.describe import method_document
 from service.http import problems
 from service.http.access import COOKIE, Read, bearer
-from service.http.compare import compare
 from service.http.matrix import matrix
 from service.http.models import links, summary
 from service.http.negotiation import choose
 from service.http.problems import KINDS, Problem
 from service.http.queue import ENDED
+from service.http.routes.comparisons import all_runs, chosen
 from service.http.routes.evaluations import Id
 from service.http.routes.scenes import all_scenes
 from service.http.site import Site, SiteOf
 
 HERE = Path(__file__).parent
 STATIC = HERE / "static"
-SHOWN_METRICS = ("rmse", "ssim", "over_2pct", "mean_bias")
+REPORT_TEMPLATES = Path(reports.__file__).parent / "templates"
 PER_PAGE = 25
+MOST_CHOICES = 200
+PAGE_WAIT_S = 3.0
+Chosen = Annotated[str | None, Query(pattern=r"^[A-Za-z0-9._-]{0,64}$")]  # a form sends what wasn't chosen as an empty text
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 environment = Environment(
-    loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    loader=FileSystemLoader([HERE / "templates", REPORT_TEMPLATES]),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
 )
 environment.filters |= {"number": form.number, "percent": form.percent, "seconds": form.seconds, "limits": limits}
 environment.filters["setting"] = lambda value: "none" if value is None else str(value)
@@ -56,7 +64,11 @@ def overview(site: SiteOf, request: Request, cursor: Annotated[str | None, Query
         found, following = site.queue.list(None, PER_PAGE, cursor)
     except ValueError as error:
         raise Problem("invalid-cursor", str(error)) from None
-    return render(request, "overview.html", items=[summary(s) for s in found], following=following, first=cursor is None)
+    night = next(iter(all_runs(site)), None) if cursor is None else None
+    work = site.queue.stats()["queues"] if cursor is None else {}
+    busy = {state: sum(queue[state] for queue in work.values()) for state in ("running", "queued")}
+    items = [summary(s) for s in found]
+    return render(request, "overview.html", items=items, following=following, first=cursor is None, night=night, busy=busy)
 
 
 @router.get("/submit", dependencies=[Read])
@@ -109,17 +121,27 @@ def method(request: Request, name: str) -> HTMLResponse:
 
 
 @router.get("/compare", dependencies=[Read])
-def comparison(site: SiteOf, request: Request, a: str | None = None, b: str | None = None) -> HTMLResponse:
-    """Two evaluations side by side, chosen from the newest."""
-    found, _ = site.queue.list(None, 200, None)
-    compared = None
-    if a and b:
-        for id in (a, b):
-            site.evaluation(id)
-        compared = compare(a, b, site.queue.results(a), site.queue.results(b))
-        compared.rows = [row for row in compared.rows if row.metric in (*SHOWN_METRICS, "seconds")]
-    items = [summary(s) for s in found]
-    return render(request, "compare.html", items=items, a=a, b=b, compared=compared, metrics=METRICS)
+def comparison(site: SiteOf, request: Request, a: Chosen = None, b: Chosen = None) -> HTMLResponse:
+    """What changed between two nightly runs or evaluations; by default between the accepted run and the latest one."""
+    a, b = a or None, b or None
+    runs = all_runs(site)
+    ended = [summary(s) for s in site.queue.list(None, MOST_CHOICES, None)[0] if s.state in ENDED]
+    choices: dict[str, Any] = {"runs": runs[:MOST_CHOICES], "evaluations": ended, "a": a, "b": b}
+    if (b is None and not runs) or (a is None and b is not None and all(run.id != b for run in runs)):
+        return render(request, "compare.html", **choices, made=None, note="")
+    before, after = chosen(site, a, b)
+    choices |= {"a": None if before is None else before.id, "b": after.id}
+    try:
+        made = site.comparisons.made(before, after, PAGE_WAIT_S)
+    except Problem as problem:
+        if problem.name != "not-ready":
+            raise
+        page = render(request, "compare.html", **choices, made=None, note="being made")
+        page.headers["refresh"] = "2"
+        return page
+    run = next((run for run in runs if run.id == after.id), None)
+    shown = context(made.comparison, made.viewers)
+    return render(request, "compare.html", **choices, **shown, made=made, run=run, assets=made.assets, note="")
 
 
 @router.get("/problems")

@@ -7,10 +7,12 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from service.http.comparisons import Comparisons
 from service.http.health import Health
 from service.http.problems import Problem
 from service.http.queue import Queue, Status
 from service.http.settings import ServerSettings
+from service.http.sources import Sources
 from service.http.streams import Streams
 from service.http.thumbnails import Thumbnails
 from service.http.uploads import Uploads
@@ -26,6 +28,8 @@ class Site:
     tokens: TokenStore
     uploads: Uploads
     thumbnails: Thumbnails
+    sources: Sources
+    comparisons: Comparisons
     health: Health
     streams: Streams
 

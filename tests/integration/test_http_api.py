@@ -292,18 +292,6 @@ def test_methods_show_their_schemas(client: httpx.Client) -> None:
     problem(client.get("/v1/methods/nosuch"), "not-found")
 
 
-def test_two_evaluations_side_by_side(client: httpx.Client, queue: FakeQueue) -> None:
-    a, b = submitted(client), submitted(client, seeds=1)
-    for id in (a, b):
-        queue.set(id, "done")
-    found = client.get("/v1/comparisons", params={"a": a, "b": b}).json()
-    row = next(r for r in found["rows"] if r["metric"] == "rmse" and r["against"] == "matched")
-    assert (row["a"], row["b"], row["change"]) == (4.0, 3.5, -0.5)
-    assert found["only_a"] == found["only_b"] == []
-    problem(client.get("/v1/comparisons", params={"a": a, "b": "none"}), "not-found")
-    problem(client.get("/v1/comparisons", params={"a": a}), "validation-failed")
-
-
 def test_health_readiness_and_metrics(client: httpx.Client, queue: FakeQueue) -> None:
     assert client.get("/healthz").json() == {"status": "ok"}
     for _ in range(200):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from http_nights import FIRST, SECOND, two_nights
 from http_service import HEALTHY, FakeQueue, serving
 from report_evaluation import make
 from test_http_uploads import GOOD
@@ -60,8 +62,8 @@ def address(queue: FakeQueue, home: Path, monkeypatch: pytest.MonkeyPatch, toy_m
         yield found
 
 
-@pytest.fixture
-def page(browser: Any, address: str) -> Iterator[Any]:
+@contextmanager
+def watched(browser: Any, address: str) -> Iterator[Any]:
     """A page on which nothing may go wrong: no script error, nothing that the security policy blocks, nothing from elsewhere."""
     opened = browser.new_page(base_url=address, viewport={"width": 1280, "height": 900})
     wrong: list[str] = []
@@ -73,6 +75,12 @@ def page(browser: Any, address: str) -> Iterator[Any]:
     yield opened
     opened.close()
     assert wrong == []
+
+
+@pytest.fixture
+def page(browser: Any, address: str) -> Iterator[Any]:
+    with watched(browser, address) as opened:
+        yield opened
 
 
 def test_submit_watch_and_read_the_report(page: Any, queue: FakeQueue, report: Path) -> None:
@@ -175,12 +183,55 @@ def test_pages_work_by_keyboard(page: Any, queue: FakeQueue) -> None:
     assert len(queue.found) == 1
 
 
+@pytest.fixture(scope="module")
+def nights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with two nightly runs."""
+    home = tmp_path_factory.mktemp("nights")
+    two_nights(home)
+    return home
+
+
+def test_what_changed_over_night(browser: Any, nights: Path) -> None:
+    app = create_app(FakeQueue(), ServerSettings(home=nights, requests_per_s=0, submissions_per_s=0), machine=lambda: HEALTHY)
+    with serving(app) as address, watched(browser, address) as page:
+        page.goto("/")
+        page.click(f"text={SECOND}")
+        page.wait_for_selector("table[aria-label=Changes]")
+        assert page.inner_text(".outcome") == "1 of 3 rows got worse beyond noise."
+        assert page.input_value("#a") == FIRST
+        assert page.input_value("#b") == SECOND
+        assert f"luxmeter accept {SECOND}" in page.inner_text("pre.command")
+        change = page.locator("section.change").first
+        assert "regression" in change.inner_text()
+        assert "rays" in change.inner_text()
+        assert page.evaluate("[...document.querySelectorAll('.strip')].map(s => s.querySelectorAll('img').length)") == [4]
+        change.locator(".strip").scroll_into_view_if_needed()
+        page.wait_for_function("() => [...document.images].every(i => i.complete && i.naturalWidth === 32)")
+        page.click("text=Compare pixel by pixel")
+        page.wait_for_function("() => document.querySelector('.viewer .key')?.textContent.includes('left A: after')")
+        page.click("[data-mode=relative]")
+        page.wait_for_function("() => document.querySelector('.viewer .key')?.textContent.includes('A brighter than B')")
+        page.click("text=Swap")
+        page.wait_for_url(f"**/compare?a={SECOND}&b={FIRST}")
+        assert page.input_value("#a") == SECOND
+        page.select_option("#a", "")
+        page.click("button.primary")
+        page.wait_for_selector("text=No run has been accepted yet")
+        for width in (360, 1280):
+            page.set_viewport_size({"width": width, "height": 800})
+            page.goto(f"/compare?b={SECOND}")
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            # Every figure of the summary can be read without scrolling sideways.
+            figures = page.locator("table[aria-label=Changes] td").all()
+            assert max(box["x"] + box["width"] for box in (cell.bounding_box() for cell in figures)) <= width
+
+
 @pytest.mark.parametrize("width", [360, 1280])
 def test_no_page_is_wider_than_the_screen(page: Any, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 800})
     for path in PATHS:
         page.goto(path, wait_until="domcontentloaded")  # not "load": that waits for the previews of all scenes
-        page.wait_for_function("[...document.querySelectorAll('link[rel=stylesheet]')].every(e => e.sheet)")
+        page.wait_for_function("() => [...document.querySelectorAll('link[rel=stylesheet]')].every(e => e.sheet)")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, path
         assert page.evaluate(
             "[...document.querySelectorAll('input:not([type=hidden]), select')].every(e => e.labels.length > 0)"

@@ -35,6 +35,7 @@ class Spec:
     real: bool = False
     submit: str = ""
     nap_s: float = 0.0
+    store: str = ""
 
 
 def flat(task: Any, limits: Any, progress: Any) -> dict[str, Any]:
@@ -129,7 +130,9 @@ def run(spec: Spec) -> None:
 
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda number, frame: stop.set())
-    worker = Worker(spec.database, lease_s=spec.lease_s, poll_s=0.05, runner=runner, home=Store(Path(spec.home)))
+    worker = Worker(
+        spec.database, spec.store or None, lease_s=spec.lease_s, poll_s=0.05, runner=runner, home=Store(Path(spec.home))
+    )
     note(spec, "worker up")
     worker.run(stop)
     note(spec, "worker down")
@@ -186,17 +189,16 @@ class Server:
 
 
 def alive(pid: int) -> bool:
-    """Whether the process is there and no zombie."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
+    """Whether a worker is there. One that was killed keeps its locks until its last thread has ended, and is gone then: the server
+    leaves no zombies."""
+    return Path(f"/proc/{pid}").exists()
 
 
 def serve() -> None:
     """Fork a worker for each line of standard input."""
     import numpy as np
 
+    import jobs.queue  # noqa: F401  (and with it all that a worker imports)
     import reports.comparison
 
     black = np.zeros((6, 8, 3), np.float32)

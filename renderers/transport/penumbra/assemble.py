@@ -1,11 +1,8 @@
 """Events of all shadow maps, summed up to one attenuation function per pixel, in slabs of rows under a memory bound.
 
-Within a pixel events are sorted by depth; all that lie within `merge` of the first of a group change V at once, at the last depth
-of the group (an exit and an entry at one depth never leave [0, 1] in between). V is the running sum over N.
-
-Where the maps of all light points fit the bound, they are made once and every row is finished at once: only one row's events exist.
-Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Rows are independent and taken by the
-first free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
+Where the maps of all light points fit the bound, they are made once and every tile is finished at once: only few rows' events
+exist. Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Tiles of rows are independent and
+taken by the first free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
 """
 
 from __future__ import annotations
@@ -16,21 +13,27 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.transport.penumbra.compress import NONE, PERPENDICULAR, VERTICAL, compress
+from renderers.transport.penumbra.cameras import DU, DV
+from renderers.transport.penumbra.compress import NONE, PERPENDICULAR, VERTICAL
 from renderers.transport.penumbra.functions import PenumbraMap
+from renderers.transport.penumbra.lockstep import Grid, interleaved, tile_events
 from renderers.transport.penumbra.pyramid import Pyramid
-from renderers.transport.penumbra.walk import row_events
+from renderers.transport.penumbra.reduce import compress_row, reduce_tile
+from renderers.transport.penumbra.walk import bounds_of, row_events
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 MapMaker = Callable[[F64], F32]
 METHODS = {"none": NONE, "vertical": VERTICAL, "perpendicular": PERPENDICULAR}
+# texels to each side of its centre that a stored depth stands for
+HALF_TEXELS = {"exact": 0.5, "midpoint": 1.5}
 EVENT_BYTES = 9
+TILE = 8
+REARRANGED = 16
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,8 @@ class Construction:
 
     merge: events closer than this change V at once; None: 2⁻¹⁴ of the depth range (St-Amour 2004 §3.1, the interval is not
     published). compression with its tolerance epsilon; kappa: scale of the perpendicular metric's depth axis, its range is [0,
-    kappa]; None: such that no vertex moves by more than half of `bias`, at least 1. memory: bound in bytes on maps and events that
+    kappa]; None: such that no vertex moves by more than half of `bias`, at least 1. budget: vertices that no function may exceed,
+    0: any number; a pixel over it gets the least tolerance of its own that fits. memory: bound in bytes on maps and events that
     live at once.
     """
 
@@ -50,6 +54,7 @@ class Construction:
     compression: Literal["none", "vertical", "perpendicular"] = "vertical"
     epsilon: float = 0.02
     kappa: float | None = None
+    budget: int = 0
     memory: int = 1 << 30
 
 
@@ -60,7 +65,15 @@ class _Events(NamedTuple):
     steps: int
 
 
-class _Row(NamedTuple):
+class _Maps(NamedTuple):
+    """Depths (N, h, w) with the bounds of their blocks; or rearranged for the lockstep, without."""
+
+    depth: F32
+    low: F32 | None = None
+    high: F32 | None = None
+
+
+class _Tile(NamedTuple):
     counts: NDArray[np.int64]
     depth: F32
     value: F32
@@ -69,57 +82,122 @@ class _Row(NamedTuple):
 
 
 def assemble(
-    pyramid: Pyramid, cameras: F64, make_maps: MapMaker, how: Construction, counters: Counter[str] | None = None
+    pyramid: Pyramid,
+    cameras: F64,
+    make_maps: MapMaker,
+    how: Construction,
+    counters: Counter[str] | None = None,
+    grid: Grid | None = None,
 ) -> PenumbraMap:
     """The penumbra deep shadow map of `cameras` (N, CAMERA); make_maps(cameras[a:b]) returns their depths, float32 (b - a, h, w).
 
-    counters: adds `shadow_maps`, `rays_walked`, `texels_walked`, `events` and `vertices`. Raises ValueError without cameras.
+    grid: where the cameras come from `aligned_cameras`, its second result; the exact walk is then that of `lockstep`, with the same
+    events. counters: adds `shadow_maps`, `rays_walked`, `texels_walked`, `events` and `vertices`. Raises ValueError without
+    cameras.
     """
     if not len(cameras):
         raise ValueError("a penumbra deep shadow map needs at least one light point")
     tally = Counter[str]() if counters is None else counters
-    first = make_maps(cameras[:1])
-    batch = max(int(how.memory // 2 // first.nbytes), 1)
+    walk = _Walk(pyramid, make_maps, how, grid if how.walk == "exact" else None)
+    batch = max(int(how.memory // 2 // make_maps(cameras[:1]).nbytes), 1)
     finished = []
     if len(cameras) <= batch:
-        maps = make_maps(cameras)
+        maps = walk.maps(cameras)
         tally["shadow_maps"] += len(cameras)
 
-        def whole(row: int) -> _Row:
-            return _reduced(pyramid, [_events(pyramid, cameras, maps, row, how)], len(cameras), how)
+        def whole(rows: range) -> _Tile:
+            return _reduced(pyramid, rows, [walk.events(cameras, maps, rows)], len(cameras), how)
 
-        finished = in_threads(whole, range(pyramid.height))
+        finished = in_threads(whole, _tiles(range(pyramid.height)))
     else:
         for slab in _slabs(pyramid, len(cameras), how.memory):
-            finished += _slab(pyramid, cameras, make_maps, slab, batch, how, tally)
+            finished += _slab(walk, cameras, slab, batch, tally)
     tally["rays_walked"] += pyramid.width * pyramid.height * len(cameras)
-    counts = np.concatenate([row.counts for row in finished])
+    counts = np.concatenate([tile.counts for tile in finished])
     packed = PenumbraMap(
         pyramid,
         len(cameras),
+        HALF_TEXELS[how.walk] * float(cameras[:, [DU, DV]].max()),
         np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]),
-        np.concatenate([row.depth for row in finished]),
-        np.concatenate([row.value for row in finished]),
+        np.concatenate([tile.depth for tile in finished]),
+        np.concatenate([tile.value for tile in finished]),
     )
-    tally["events"] += sum(row.events for row in finished)
-    tally["texels_walked"] += sum(row.steps for row in finished)
+    tally["events"] += sum(tile.events for tile in finished)
+    tally["texels_walked"] += sum(tile.steps for tile in finished)
     tally["vertices"] += len(packed.depth)
     return packed
 
 
-def _slab(
-    pyramid: Pyramid, cameras: F64, make_maps: MapMaker, slab: range, batch: int, how: Construction, tally: Counter[str]
-) -> list[_Row]:
-    """Finished rows of one slab, its shadow maps made in batches."""
-    held: list[list[_Events]] = [[] for _ in slab]
+def recompressed(made: PenumbraMap, how: Construction) -> PenumbraMap:
+    """An uncompressed map with the compression and budget of `how`, as if it had been built with them."""
+    width = made.pyramid.width
+    rows = [range(k * width, (k + 1) * width) for k in range(made.pyramid.height)]
+    scale = _kappa(made.pyramid, how) / (made.pyramid.far - made.pyramid.near)
+    method = METHODS[how.compression]
+
+    def one(row: range) -> tuple[NDArray[np.int64], F32, F32]:
+        start = made.start[row.start : row.stop + 1]
+        return compress_row(start, made.depth, made.value, method, how.epsilon, scale, how.budget)  # type: ignore[no-any-return]
+
+    counts, depth, value = (np.concatenate(column) for column in zip(*in_threads(one, rows), strict=True))
+    start = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    return PenumbraMap(made.pyramid, made.samples, made.texel, start, depth, value)
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """Shadow maps as one of the walks wants them, and the events that it finds in them."""
+
+    pyramid: Pyramid
+    make_maps: MapMaker
+    how: Construction
+    grid: Grid | None
+
+    def maps(self, cameras: F64) -> _Maps:
+        """Shadow maps of `cameras`; a few at a time are rearranged, so that they never exist twice."""
+        if self.grid is None:
+            made = self.make_maps(cameras)
+            return _Maps(made, *bounds_of(made))
+        if self.grid.fine == 1:
+            return _Maps(self.make_maps(cameras)[:, :, None])
+        parts = chunks(len(cameras), REARRANGED)
+        h, w = self.grid.shape
+        out = np.empty((len(cameras), h, self.grid.fine, w // self.grid.fine), np.float32)
+        for part in parts:
+            out[part] = interleaved(self.make_maps(cameras[part]), self.grid)
+        return _Maps(out)
+
+    def events(self, cameras: F64, maps: _Maps, rows: range) -> _Events:
+        """Events of some rows of the pyramid in these maps."""
+        p, bias = self.pyramid, self.how.bias
+        vs = p.vs[rows.start : rows.stop]
+        if self.grid is not None:
+            return _Events(*tile_events(maps.depth, cameras, p.us, vs, p.near, p.far, bias, self.grid.coarse))
+        exact = self.how.walk == "exact"
+        found = [_Events(*row_events(*maps, cameras, p.us, float(v), p.near, p.far, bias, exact)) for v in vs]
+        pixel = np.concatenate([one.pixel + row * p.width for row, one in enumerate(found)]).astype(np.int32)
+        z, sign = np.concatenate([one.z for one in found]), np.concatenate([one.sign for one in found])
+        return _Events(pixel, z, sign, sum(one.steps for one in found))
+
+
+def _slab(walk: _Walk, cameras: F64, slab: range, batch: int, tally: Counter[str]) -> list[_Tile]:
+    """Finished tiles of one slab, its shadow maps made in batches."""
+    tiles = _tiles(slab)
+    held: list[list[_Events]] = [[] for _ in tiles]
     for part in chunks(len(cameras), batch):
         here = cameras[part]
-        maps = make_maps(here)
+        maps = walk.maps(here)
         tally["shadow_maps"] += len(here)
-        walk = partial(_events, pyramid, here, maps, how=how)
-        for kept, found in zip(held, in_threads(walk, slab), strict=True):
+        for kept, found in zip(held, in_threads(partial(walk.events, here, maps), tiles), strict=True):
             kept.append(found)
-    return in_threads(lambda events: _reduced(pyramid, events, len(cameras), how), held)
+    return in_threads(
+        lambda one: _reduced(walk.pyramid, one[0], one[1], len(cameras), walk.how), list(zip(tiles, held, strict=True))
+    )
+
+
+def _tiles(rows: range) -> list[range]:
+    """A few rows at a time: they read almost the same texels."""
+    return [range(rows[part][0], rows[part][-1] + 1) for part in chunks(len(rows), TILE)]
 
 
 def _slabs(pyramid: Pyramid, cameras: int, memory: int) -> list[range]:
@@ -129,68 +207,19 @@ def _slabs(pyramid: Pyramid, cameras: int, memory: int) -> list[range]:
     return [range(s.start, s.stop) for s in chunks(pyramid.height, size)]
 
 
-def _events(pyramid: Pyramid, cameras: F64, maps: F32, row: int, how: Construction) -> _Events:
-    v = float(pyramid.vs[row])
-    found = row_events(maps, cameras, pyramid.us, v, pyramid.near, pyramid.far, how.bias, how.walk == "exact")
-    return _Events(*found)
-
-
-def _reduced(pyramid: Pyramid, parts: list[_Events], cameras: int, how: Construction) -> _Row:
-    """Vertices per pixel, depths and values of one row, and how many events and steps went in."""
-    pixel, z, sign = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:3])
+def _reduced(pyramid: Pyramid, rows: range, parts: list[_Events], cameras: int, how: Construction) -> _Tile:
+    """Vertices per pixel, depths and values of some rows, and how many events and steps went in."""
+    pixel, z, sign = (np.concatenate(column) if len(column) > 1 else column[0] for column in list(zip(*parts, strict=True))[:3])
     span = pyramid.far - pyramid.near
     merge = span / 2**14 if how.merge is None else how.merge
-    kappa = how.kappa
-    if kappa is None:
-        kappa = max(1.0, 2 * how.epsilon * span / how.bias) if how.bias > 0 else 100.0
-    counts, depth, value = reduce_row(
-        pyramid.width, pixel, z, sign, cameras, merge, METHODS[how.compression], how.epsilon, kappa / span
+    kappa = _kappa(pyramid, how)
+    counts, depth, value = reduce_tile(
+        pyramid.width * len(rows), pixel, z, sign, cameras, merge, METHODS[how.compression], how.epsilon, kappa / span, how.budget
     )
-    return _Row(counts, depth, value, len(z), sum(part.steps for part in parts))
+    return _Tile(counts, depth, value, len(z), sum(part.steps for part in parts))
 
 
-@numba.njit(nogil=True, cache=True)
-def reduce_row(width, pixel, z, sign, samples, merge, method, epsilon, scale):  # type: ignore[no-untyped-def]
-    """Events (E,) of a row, in any order, to packed functions: counts int64 (width,), depth, value float32 (M,)."""
-    start = np.zeros(width + 1, np.int64)
-    for p in pixel:
-        start[p + 1] += 1
-    start = np.cumsum(start)
-    place = start[:-1].copy()
-    sorted_z, sorted_sign = np.empty_like(z), np.empty_like(sign)
-    for k in range(len(z)):
-        sorted_z[place[pixel[k]]], sorted_sign[place[pixel[k]]] = z[k], sign[k]
-        place[pixel[k]] += 1
-    counts = np.zeros(width, np.int64)
-    depth, value = np.empty(2 * len(z) + 2, np.float32), np.empty(2 * len(z) + 2, np.float32)
-    total = 0
-    for p in range(width):
-        a, b = start[p], start[p + 1]
-        step_z, step_v = np.empty(2 * (b - a) + 2), np.empty(2 * (b - a) + 2)
-        out_z, out_v = np.empty(2 * (b - a) + 4), np.empty(2 * (b - a) + 4)
-        n = accumulate(sorted_z[a:b], sorted_sign[a:b], samples, merge, step_z, step_v)
-        m = compress(step_z, step_v, n, method, epsilon, scale, out_z, out_v)
-        for k in range(m):
-            depth[total + k], value[total + k] = out_z[k], out_v[k]
-        counts[p] = m
-        total += m
-    return counts, depth[:total].copy(), value[:total].copy()
-
-
-@numba.njit(nogil=True, cache=True)
-def accumulate(z, sign, samples, merge, step_z, step_v):  # type: ignore[no-untyped-def]
-    """Step form of one pixel's events: fills step_z, step_v (two points a change), returns the number of points."""
-    order = np.argsort(z)
-    n, inside, k = 0, 0, 0
-    while k < len(order):
-        first, before = z[order[k]], inside
-        last = first
-        while k < len(order) and z[order[k]] - first <= merge:
-            last = z[order[k]]
-            inside += sign[order[k]]
-            k += 1
-        if inside != before:
-            step_z[n], step_v[n] = last, before / samples
-            step_z[n + 1], step_v[n + 1] = last, inside / samples
-            n += 2
-    return n
+def _kappa(pyramid: Pyramid, how: Construction) -> float:
+    if how.kappa is not None:
+        return how.kappa
+    return max(1.0, 2 * how.epsilon * (pyramid.far - pyramid.near) / how.bias) if how.bias > 0 else 100.0

@@ -44,6 +44,23 @@ def compress(z, v, n, method, epsilon, scale, out_z, out_v):  # type: ignore[no-
 
 
 @numba.njit(nogil=True, cache=True)
+def fitted(z, v, n, method, epsilon, scale, budget, out_z, out_v):  # type: ignore[no-untyped-def]
+    """`compress` with the least tolerance (to a millionth) above epsilon that needs no more than `budget` vertices, at least 2.
+
+    Uncompressed functions (NONE) are fitted by the vertical metric. Tolerance 1 allows a constant: two vertices always do.
+    """
+    low, high = epsilon, 1.0
+    metric = VERTICAL if method == NONE else method
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        if compress(z, v, n, metric, middle, scale, out_z, out_v) <= budget:
+            high = middle
+        else:
+            low = middle
+    return compress(z, v, n, metric, high, scale, out_z, out_v)
+
+
+@numba.njit(nogil=True, cache=True)
 def vertical(z, v, n, epsilon, out_z, out_v):  # type: ignore[no-untyped-def]
     """Greedy slope windows; |V' - V| ≤ epsilon and V' in [0, 1]. Arrays as in `compress`."""
     z0, v0 = z[0], v[0]

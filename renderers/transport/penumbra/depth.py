@@ -10,8 +10,10 @@ A plane does not shadow itself if
 
     b_s ≥ |∂Z/∂u| (c_S Δu_S + c_P Δu_P) + |∂Z/∂v| (c_S Δv_S + c_P Δv_P)
 
-because a map's texel stands for points up to half a texel away (c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to
-one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). b_s is limited, so that grazing surfaces still cast.
+(to first order; b_s is the exact difference of the plane's depths) because a map's texel stands for points up to half a texel away
+(c_S = 1/2, midpoint walk 3/2) and a lookup blends functions up to one pixel of the pyramid away (c_P = 1 bilinear, 1/2 nearest). It
+is at most half the way to the second surface of the texel (midpoint shadow maps, Woo 1992): next to a solid's side the bias only
+reaches into the solid, and what a thin sheet shades stays shaded.
 """
 
 from __future__ import annotations
@@ -19,45 +21,59 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S
+from renderers.transport.penumbra.cameras import DU, DV, RANK, U0, V0, S
 
 FRONT = 1e-7
 
 
 @numba.njit(parallel=True, cache=True)
-def depth_maps(corners, cameras, maps, texels, pixels, limit):  # type: ignore[no-untyped-def]
+def depth_maps(corners, cover, cameras, maps, texels, pixels, limit):  # type: ignore[no-untyped-def]
     """Fill maps float32 (N, h, w) with depth D + b_s along each camera's axis, inf where nothing is hit.
 
-    corners float64 (T, 3, 3): casters, pyramid's frame. cameras (N, CAMERA). texels = c_S; pixels = c_P Δu_P, tangent units; limit:
-    largest b_s, World units (0: plain depth).
+    corners float64 (T, 3, 3): casters, pyramid's frame. cover float64 (T, 2): opacity, and a shift of ranks. cameras (N, CAMERA).
+    texels = c_S; pixels = c_P Δu_P, tangent units; limit: largest b_s, World units (0: plain depth). A triangle of opacity α is in
+    the maps whose rank + shift, less its whole part, is below α: in α N of them (stochastic opacity).
     """
     for i in numba.prange(len(cameras)):
-        maps[i].fill(np.inf)
+        first = maps[i]
+        first.fill(np.inf)
+        slope, second = np.zeros_like(first), np.full_like(first, np.inf)
+        p, e = np.empty((3, 3)), np.empty((3, 3))
         for t in range(len(corners)):
-            _rasterize(corners[t], cameras[i], maps[i], texels, pixels, limit)
+            if (cameras[i, RANK] + cover[t, 1]) % 1.0 >= cover[t, 0]:
+                continue
+            _rasterize(corners[t], cameras[i], first, second, slope, texels, pixels, p, e)
+        if limit > 0:
+            _add_bias(first, second, slope, limit)
 
 
 @numba.njit(nogil=True, cache=True)
-def _rasterize(corners, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
-    """One triangle into one map."""
-    p = np.empty((3, 3))
+def _rasterize(corners, camera, depth, second, slope, texels, pixels, p, e):  # type: ignore[no-untyped-def]
+    """One triangle into one map; p, e (3, 3): room for its corners in the camera's frame, and its edges."""
     for k in range(3):
         x, y, z = corners[k, 0] - camera[S], corners[k, 1] - camera[S + 1], corners[k, 2] - camera[S + 2]
         for r in range(3):
             p[k, r] = camera[3 * r] * x + camera[3 * r + 1] * y + camera[3 * r + 2] * z
     if p[0, 2] <= FRONT and p[1, 2] <= FRONT and p[2, 2] <= FRONT:
         return
-    e = np.empty((3, 3))
+    columns = _bounds(p, 0, camera[U0], camera[DU], depth.shape[1])
+    if columns[0] >= columns[1]:
+        return
+    rows = _bounds(p, 1, camera[V0], camera[DV], depth.shape[0])
+    if rows[0] >= rows[1]:
+        return
     for k in range(3):
-        a, b = p[(k + 1) % 3], p[(k + 2) % 3]
-        e[k, 0], e[k, 1], e[k, 2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        a, b = (k + 1) % 3, (k + 2) % 3
+        e[k, 0] = p[a, 1] * p[b, 2] - p[a, 2] * p[b, 1]
+        e[k, 1] = p[a, 2] * p[b, 0] - p[a, 0] * p[b, 2]
+        e[k, 2] = p[a, 0] * p[b, 1] - p[a, 1] * p[b, 0]
     det = p[0, 0] * e[0, 0] + p[0, 1] * e[0, 1] + p[0, 2] * e[0, 2]
     if det == 0:
         return
     if det < 0:
         det = -det
         e *= -1.0
-    _fill(p, e, det, camera, depth, texels, pixels, limit)
+    _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels)
 
 
 @numba.njit(inline="always")
@@ -67,31 +83,40 @@ def _bounds(p, axis, start, step, size):  # type: ignore[no-untyped-def]
         return 0, size
     a, b, c = p[0, axis] / p[0, 2], p[1, axis] / p[1, 2], p[2, axis] / p[2, 2]
     low, high = (min(a, b, c) - start) / step - 0.5, (max(a, b, c) - start) / step - 0.5
-    # min and max before int: far out of the window a float does not fit one
-    return int(np.floor(min(max(low, 0.0), float(size)))), int(np.ceil(max(min(high, size - 1.0), -1.0))) + 1
+    # a thousandth of a texel for rounding; min and max before int: far out of the window a float does not fit one
+    return int(np.ceil(min(max(low - 1e-3, 0.0), float(size)))), int(np.floor(max(min(high + 1e-3, size - 1.0), -1.0))) + 1
 
 
 @numba.njit(inline="always")
-def _fill(p, e, det, camera, depth, texels, pixels, limit):  # type: ignore[no-untyped-def]
+def _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels):  # type: ignore[no-untyped-def]
     du, dv = camera[DU], camera[DV]
-    x_first, x_last = _bounds(p, 0, camera[U0], du, depth.shape[1])
-    y_first, y_last = _bounds(p, 1, camera[V0], dv, depth.shape[0])
     nx, ny, nz = e[0, 0] + e[1, 0] + e[2, 0], e[0, 1] + e[1, 1] + e[2, 1], e[0, 2] + e[1, 2] + e[2, 2]
     # depth of the camera over the apex, for pixels of the pyramid seen from this camera
     ahead = camera[6] * camera[S] + camera[7] * camera[S + 1] + camera[8] * camera[S + 2]
-    for y in range(y_first, y_last):
+    for y in range(rows[0], rows[1]):
         v = camera[V0] + (y + 0.5) * dv
         c0, c1, c2 = e[0, 1] * v + e[0, 2], e[1, 1] * v + e[1, 2], e[2, 1] * v + e[2, 2]
-        for x in range(x_first, x_last):
+        for x in range(columns[0], columns[1]):
             u = camera[U0] + (x + 0.5) * du
             if e[0, 0] * u + c0 < 0 or e[1, 0] * u + c1 < 0 or e[2, 0] * u + c2 < 0:
                 continue
             across = nx * u + ny * v + nz
             if across <= 0:
                 continue
-            z = det / across
-            wide = pixels * max((z + ahead) / z, 0.0)
-            slope = z * z / det * (abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide))
-            biased = z + min(slope, limit)
-            if biased < depth[y, x]:
-                depth[y, x] = biased
+            z = np.float32(det / across)
+            if z < depth[y, x]:
+                second[y, x], depth[y, x] = depth[y, x], z
+                wide = pixels * max((z + ahead) / z, 0.0)
+                lean = abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide)
+                slope[y, x] = z * lean / (across - lean) if across > lean else np.inf
+            elif z < second[y, x]:
+                second[y, x] = z
+
+
+@numba.njit(nogil=True, cache=True)
+def _add_bias(first, second, slope, limit):  # type: ignore[no-untyped-def]
+    """first + b_s, at most half way to the second surface."""
+    for y in range(first.shape[0]):
+        for x in range(first.shape[1]):
+            if first[y, x] < np.inf:
+                first[y, x] += min(slope[y, x], limit, (second[y, x] - first[y, x]) / 2)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numba
 import numpy as np
@@ -25,7 +26,10 @@ from renderers.transport.penumbra.pyramid import Pyramid
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-Kernel = Callable[[Pyramid, F64, F32, F64, F64, F64], F32]
+# kernel(pyramid, cameras, maps, points, normals, extent) gives hidden shares; prefilter(pyramid, cameras, maps) what it reads of
+# maps
+Kernel = Callable[[Pyramid, F64, Any, F64, F64, F64], F32]
+Prefilter = Callable[[Pyramid, F64, F32], Any]
 SEARCH_TAPS = 16
 
 
@@ -33,11 +37,13 @@ class FilteredMaps:
     """Plain shadow maps around one emitter, and a kernel that reads a hidden share from them.
 
     points (N, 3), World: camera positions; extent: half size (2,) of the light across each face's axis comes from `light` (M, 3).
+    prefilter: what kernels read instead of the maps.
     """
 
     def __init__(
-        self, world: World, emitter: Emitter, points: F64, light: F64, resolution: int, near: float, counters: Counter[str]
-    ) -> None:
+        self, world: World, emitter: Emitter, points: F64, light: F64, resolution: int, near: float, counters: Counter[str],
+        prefilter: Prefilter | None = None,
+    ) -> None:  # fmt: skip
         self._emitter = emitter
         self._pyramids = pyramids_of(world, emitter, light, resolution, near)
         self._parts = []
@@ -45,7 +51,8 @@ class FilteredMaps:
         for pyramid in self._pyramids:
             cameras = cameras_of(pyramid, pyramid.local(points), resolution)
             extent = np.abs(pyramid.local(light)[:, :2]).max(axis=0)
-            self._parts.append((cameras, map_maker(pyramid, corners, resolution)(cameras), extent))
+            maps = map_maker(pyramid, corners, (resolution, resolution))(cameras)
+            self._parts.append((cameras, maps if prefilter is None else prefilter(pyramid, cameras, maps), extent))
             counters["shadow_maps"] += len(cameras)
 
     def hidden(self, positions: F64, normals: F64, kernel: Kernel) -> F32:
@@ -175,9 +182,10 @@ def filtered_maps(
     counters: Counter[str],
     *,
     central: bool,
+    prefilter: Prefilter | None = None,
 ) -> list[FilteredMaps]:
     """Maps of every emitter from all its light points, or (central) from its centre alone."""
     return [
-        FilteredMaps(world, e, e.centre[None] if central else p, p, resolution, near, counters)
+        FilteredMaps(world, e, e.centre[None] if central else p, p, resolution, near, counters, prefilter)
         for e, p in zip(emitters, points, strict=True)
     ]

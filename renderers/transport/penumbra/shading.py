@@ -1,8 +1,9 @@
 """Direct light with a hidden share per area light: C = Σ_e C_e (1 - V_e), C_e the light of emitter e without shadows.
 
 The separation is the source's (St-Amour 2004 §4.1): V weighs all parts of a light alike, where the truth weighs them with the
-cosines and the distance. Points that no map covers get V from shadow rays to the same light points; punctual lights, the
-environment, and area lights beyond those asked for are ray cast altogether.
+cosines and the distance. Parts behind the receiver's plane weigh nothing in C_e, and are taken out of V as well. Points that no map
+covers get V from shadow rays to the same light points; punctual lights, the environment, and area lights beyond those asked for are
+ray cast altogether.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,11 +39,14 @@ def shaded(
     light_samples: int,
     seed: int,
     counters: Counter[str],
+    *,
+    horizon: bool = True,
 ) -> F32:
     """Emission, background and direct light, float32 (H, W, 3).
 
     points: light points (N, 3) of each emitter, for shadow rays where `hidden` answers -1. light_samples: per pixel, for the light
-    without shadows and for what is ray cast. counters: adds `rays` and `points_ray_cast`.
+    without shadows and for what is ray cast. horizon: `hidden` counts light points behind the receiver's plane, too. counters: adds
+    `rays` and `points_ray_cast`.
     """
     image = emitted(world, gbuffer)
     handled = np.concatenate([e.triangles for e in emitters]) if emitters else np.zeros(0, np.int64)
@@ -56,9 +61,40 @@ def shaded(
         share = np.array(hidden(k, receivers.position, _towards(receivers.geometric, receivers.normal)), np.float64)
         missing = np.flatnonzero(share < 0)
         share[missing] = cast_hidden(world, emitter, points[k], receivers.position[missing], receivers.geometric[missing], counters)
+        cast = slice(None) if horizon else missing
+        share[cast] = before_horizon(share[cast], receivers.position[cast], receivers.normal[cast], points[k])
         flat[rows] += free[rows] * (1 - share)[:, None]
         counters["points_ray_cast"] += len(missing)
     return image
+
+
+def before_horizon(share: F64, positions: F64, normals: F64, points: F64) -> F64:
+    """Hidden share (P,) of those light points (N, 3) that are before the receivers' planes, from the share of all of them.
+
+    Light from behind the plane is missing in the light without shadows already, and always hidden: by the surface itself. With H
+    the share behind the plane, (V - H) / (1 - H) counts it once.
+    """
+    behind = np.zeros(len(share))
+    count_behind(positions, normals, points, points.mean(axis=0), behind)
+    return np.asarray(np.clip((share - behind) / np.maximum(1 - behind, 0.5 / len(points)), 0, 1))
+
+
+@numba.njit(parallel=True, cache=True)
+def count_behind(positions, normals, points, centre, behind):  # type: ignore[no-untyped-def]
+    """behind (P,): share of points (N, 3) behind the planes through positions (P, 3) with normals (P, 3)."""
+    radius = 0.0
+    for point in points:
+        d = point - centre
+        radius = max(radius, np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
+    for i in numba.prange(len(positions)):
+        p, n = positions[i], normals[i]
+        height = n[0] * (centre[0] - p[0]) + n[1] * (centre[1] - p[1]) + n[2] * (centre[2] - p[2])
+        if height >= radius:
+            continue
+        count = 0
+        for k in range(len(points)):
+            count += n[0] * (points[k, 0] - p[0]) + n[1] * (points[k, 1] - p[1]) + n[2] * (points[k, 2] - p[2]) <= 0
+        behind[i] = count / len(points)
 
 
 def cast_hidden(world: World, emitter: Emitter, points: F64, positions: F64, geometric: F64, counters: Counter[str]) -> F64:

@@ -10,7 +10,7 @@ import jobs
 from jobs.files import safe_name
 from jobs.graph import graph
 from jobs.plan import plan
-from renderers import SceneError, UnknownMethod
+from renderers import Scene, SceneError, UnknownMethod
 from renderers.scene import builtin
 
 pytestmark = pytest.mark.usefixtures("toy_methods")
@@ -74,7 +74,12 @@ def test_refused_scene_is_a_failed_cell_beside_the_others(monkeypatch: pytest.Mo
     from renderers.scene.model import Environment
 
     box = builtin.BUILTIN["cornell-box"]
-    monkeypatch.setitem(builtin.BUILTIN, "lit-box", lambda: replace(box(), environment=Environment()))
+
+    def lit_box() -> Scene:
+        """The box under an environment."""
+        return replace(box(), environment=Environment())
+
+    monkeypatch.setitem(builtin.BUILTIN, "lit-box", lit_box)
     made = plan(request(scenes=["lit-box", "cornell-box"]))
     assert made.refused == {"lit-box.flat.s0.f0000": "flat can't render cornell-box: needs environment"}
     assert [cell.state for cell in made.cells] == ["failed", "queued"]
@@ -103,6 +108,11 @@ def test_refused_scene_is_a_failed_cell_beside_the_others(monkeypatch: pytest.Mo
         ),
         ({"methods": [{"name": "flat"}, {"name": "flat"}]}, jobs.RequestError, "flat is asked for twice"),
         ({"seeds": 256, "frames": (0, 1000)}, jobs.RequestError, "256256 cells are more than one evaluation takes"),
+        (
+            {"methods": [{"name": "ir", "sweep": {name: list(range(1, 1001)) for name in ("vpls", "blur", "bounces", "x")}}]},
+            jobs.RequestError,
+            "1000000000000 cells are more",
+        ),
     ],
 )
 def test_refusals_name_what_is_wrong(changes: dict[str, object], error: type[Exception], message: str) -> None:

@@ -43,6 +43,7 @@ class Machine(RuleBasedStateMachine):
         self.clock = Clock()
         module.time = self.clock  # type: ignore[assignment]
         self.records = Records(URL)
+        self.records._now = lambda connection: self.clock.now  # type: ignore[method-assign]
         self.id = "e"
         self.state: str | None = None
         self.finished = False
@@ -105,7 +106,7 @@ class Machine(RuleBasedStateMachine):
     @rule(state=st.sampled_from(["done", "failed"]), back=st.integers(0, 1))
     def finish(self, state: str, back: int) -> None:
         self.records.finish(self.id, self.attempt - back, state, None)  # type: ignore[arg-type]
-        if back == 0 and (self.state in LIVE or self.state == "cancelled"):
+        if back == 0 and (self.state in LIVE or (self.state == "cancelled" and not self.finished)):
             self.state = state if self.state in LIVE else "cancelled"
             self.finished = True
             self.events += 1
@@ -128,7 +129,7 @@ class Machine(RuleBasedStateMachine):
     @rule(worker=WORKERS)
     def beat(self, worker: str) -> None:
         dead = self.records.beat(worker, 0.0, LEASE_S)
-        expected = sorted(w for w, seen in self.seen.items() if w != worker and seen < self.clock.now - LEASE_S)
+        expected = sorted(w for w, seen in self.seen.items() if seen < self.clock.now - LEASE_S and w != worker)
         assert sorted(dead) == expected
         self.seen = {w: seen for w, seen in self.seen.items() if w not in expected} | {worker: self.clock.now}
 

@@ -15,7 +15,7 @@ def example() -> PenumbraMap:
     """Four pixels: a jump, a ramp, nothing, and a jump back to 0."""
     depth = np.array([3, 2, 4, 2, 5, 5], np.float32)
     value = np.array([1, 0, 0.5, 0.5, 0.5, 0], np.float32)
-    return PenumbraMap(PYRAMID, 2, np.array([0, 1, 3, 3, 6]), depth, value)
+    return PenumbraMap(PYRAMID, 2, 0.01, np.array([0, 1, 3, 3, 6]), depth, value)
 
 
 def at(column: float, row: float, z: float) -> list[list[float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
+import shutil
 import socket
 import threading
 import time
@@ -20,7 +21,7 @@ from fastapi import FastAPI
 from jobs import plan
 from jobs.doctor import Check
 from jobs.request import EvaluationRequest
-from reports.folder import Cell
+from reports.folder import Cell, Evaluation, SceneInfo
 from reports.results import Result
 
 HEALTHY = (Check("OpenGL 4.3", True, True, "llvmpipe", ""),)
@@ -100,6 +101,19 @@ class FakeQueue:
     def results(self, id: str) -> list[Result]:
         return [result(cell) for cell in self.found[id].cells if cell.state == "done"]
 
+    def export(self, id: str, folder: Path) -> None:
+        if id in self.folders:
+            shutil.copytree(self.folders[id], folder)
+            return
+        status = self.found[id]
+        (folder / "results").mkdir(parents=True)
+        scenes = [SceneInfo(name=name, hash="0" * 64) for name in dict.fromkeys(cell.scene for cell in status.cells)]
+        whole = Evaluation(id=id, created=status.created, request={}, scenes=scenes, cells=list(status.cells))
+        (folder / "evaluation.json").write_text(whole.model_dump_json())
+        for cell in status.cells:
+            if cell.state == "done":
+                (folder / "results" / f"{cell.id}.json").write_text(result(cell).model_dump_json())
+
     def artifact(self, hash: str) -> tuple[BinaryIO, int] | None:
         content = self.artifacts.get(hash)
         return None if content is None else (io.BytesIO(content), len(content))
@@ -110,6 +124,7 @@ class FakeQueue:
             "queues": {"gl": {"queued": queued, "running": 0, "oldest_s": 1.5 if queued else None}},
             "failures": {"timeout": 2},
             "seconds": {"ir": {"render": 12.5}},
+            "clashes": 0,
         }
 
     def tell(self, id: str, **event: Any) -> None:

@@ -1,0 +1,18 @@
+"""Irradiance caching: light computed at few places ("records"), interpolated everywhere else by splatting.
+
+| module | what it gives |
+| --- | --- |
+| `records` | records as a structure of arrays, places to put them |
+| `incoming` | reflected direct light of whatever the rays of a hemisphere hit |
+| `hemisphere` | polar hemispheres cast in large batches, and records made of them |
+| `gradients` | irradiance, its rotation and translation gradients, harmonic mean distance of polar hemispheres |
+| `limits` | clamps of the radius, gradient limit, neighbour clamping |
+| `weights` | weight and zone of influence |
+| `splat`, `splat_kernels` | records added to the pixels inside their zones |
+| `placement` | where records are put: in batches, or one by one |
+
+Positions, radii and distances are in World units (half the scene's diagonal is 1).
+Sources: P. Gautron, *Cache de luminance et cartes graphiques*, doctoral thesis, Université de Rennes 1, 2006, chapter 4;
+G. Ward, F. Rubinstein, R. Clear, *A ray tracing solution for diffuse interreflection*, 1988; G. Ward, P. Heckbert, *Irradiance
+gradients*, 1992; J. Křivánek, P. Gautron, S. Pattanaik, K. Bouatouch, *Radiance caching*, 2005.
+"""
