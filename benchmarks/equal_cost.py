@@ -37,8 +37,8 @@ TRANSPORT = "one-bounce-unoccluded"
 CURVES: dict[str, tuple[str, list[dict[str, Any]]]] = {
     "flc": ("flc", [{"vpls": n} for n in (1024, 4096, 16384, 65536)]),
     "flc, published": ("flc", [{"vpls": n, **PUBLISHED} for n in (1024, 4096, 16384)]),
-    "ir, low-discrepancy": ("ir", [{"vpls": n, "sampler": "low-discrepancy"} for n in (512, 2048, 8192, 32768)]),
-    "ir": ("ir", [{"vpls": n} for n in (512, 2048, 8192, 32768)]),
+    "ir, low-discrepancy": ("ir", [{"vpls": n, "sampler": "low-discrepancy"} for n in (512, 2048, 8192)]),
+    "ir": ("ir", [{"vpls": n} for n in (512, 2048, 8192)]),
     "stochastic-lightcuts": ("stochastic-lightcuts", [{"vpls": 16384, "cut_size": n} for n in (8, 24, 72)]),
     "pt": ("pt", [{"transport": TRANSPORT, "spp": n} for n in (1, 4, 16, 64)]),
 }
