@@ -231,11 +231,6 @@ class Records:
             dead = sa.delete(WORKERS).where(WORKERS.c.seen < now - lease_s, WORKERS.c.id != worker).returning(WORKERS.c.id)
             return list(c.execute(dead).scalars())
 
-    def silent(self, lease_s: float) -> list[str]:
-        """Workers that were silent for longer than the lease. A question only: it is answered while another process may write."""
-        with self.transaction() as c:
-            return list(c.execute(sa.select(WORKERS.c.id).where(WORKERS.c.seen < self._now(c) - lease_s)).scalars())
-
     def leave(self, worker: str) -> None:
         """A worker ends in good order: what it left is taken over at the next heartbeat of another one."""
         with self.transaction() as c:
