@@ -48,6 +48,8 @@ class LightShadows:
         """
         p = np.asarray(points, np.float64).reshape(-1, 3)
         n = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3)
+        if len(self.maps) == 1:
+            return self.maps[0].hidden(p, filter, n, offset)
         out = np.full(len(p), -1, np.float32)
         for shadow, (rows, _) in zip(self.maps, by_face(self.emitter, [m.pyramid for m in self.maps], p), strict=True):
             out[rows] = shadow.hidden(p[rows], filter, None if n is None else n[rows], offset)
