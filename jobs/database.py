@@ -63,22 +63,34 @@ WORKERS = sa.Table(
 )  # fmt: skip
 
 
-def open_database(url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S) -> sa.Engine:
+def open_database(url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S, flush: bool = True) -> sa.Engine:
     """An engine whose tables exist. Raises StoreError where the database can't be opened or written.
 
-    wait_s: how long a writer waits for another one's lock on an SQLite file; idle_s: how long PostgreSQL lets a transaction stand
+    flush: whether an SQLite file is flushed to disk at each commit, see `WithoutFlush`; wait_s: how long a writer waits for another one's lock on an SQLite file; idle_s: how long PostgreSQL lets a transaction stand
     still before it ends it. A process that is stopped in the middle of one would hold its locks for ever.
     """
     with readable_errors(url):
         prepare_file(url)
         engine = sa.create_engine(with_driver(url), pool_pre_ping=not is_sqlite(url))
-        set_up = _set_up_sqlite(wait_s) if is_sqlite(url) else _set_up_postgres(idle_s)
+        set_up = _set_up_sqlite(wait_s, flush) if is_sqlite(url) else _set_up_postgres(idle_s)
         sa.event.listen(engine, "connect", set_up)
         with engine.begin() as connection:
             if not is_sqlite(url):  # two processes that create one table at once would both fail
                 connection.execute(sa.text("select pg_advisory_xact_lock(7239641)"))
             META.create_all(connection)
         return engine
+
+
+class WithoutFlush(sqlite3.Connection):
+    """A connection for what can be done again: its commits survive the end of any process, but a power cut may take the last of them.
+
+    The file is consistent all the same: with a write-ahead log, what is lost is a tail of it. A later commit that is flushed keeps
+    all before it. https://www.sqlite.org/pragma.html#pragma_synchronous
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.execute("pragma synchronous=normal")
 
 
 def prepare_file(url: str) -> None:
@@ -123,11 +135,11 @@ def readable_errors(url: str) -> Iterator[None]:
         raise StoreError(f"can't use the database {url}: {error.strerror or error}") from error
 
 
-def _set_up_sqlite(wait_s: float) -> Callable[[Any, object], None]:
+def _set_up_sqlite(wait_s: float, flush: bool) -> Callable[[Any, object], None]:
     def set_up(connection: Any, record: object) -> None:
         connection.isolation_level = "IMMEDIATE"
         connection.execute(f"pragma busy_timeout={round(wait_s * 1000)}")
-        connection.execute("pragma synchronous=full")
+        connection.execute(f"pragma synchronous={'full' if flush else 'normal'}")
 
     return set_up
 

@@ -6,6 +6,7 @@ Every change of a node names the attempt it belongs to, so that a worker that wa
 from __future__ import annotations
 
 import json
+import sqlite3
 import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,15 +22,19 @@ from jobs.points import reach
 from reports.folder import State
 
 LIVE = ("queued", "running")
+ASK_S = 0.001
 Row = Mapping[str, Any]
 
 
 class Records:
-    """The tables of one database. Every method is one transaction; raises StoreError where the database can't be used."""
+    """The tables of one database. Every method is one transaction; raises StoreError where the database can't be used.
 
-    def __init__(self, url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S) -> None:
-        self.url = url
-        self._engine = open_database(url, wait_s, idle_s)
+    wait_s, idle_s, flush: see `open_database`.
+    """
+
+    def __init__(self, url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S, flush: bool = True) -> None:
+        self.url, self._wait_s = url, wait_s
+        self._engine = open_database(url, wait_s, idle_s, flush)
 
     def close(self) -> None:
         """Close all connections."""
@@ -41,24 +46,46 @@ class Records:
         with readable_errors(self.url), self._engine.begin() as connection:
             yield connection
 
+    @contextmanager
+    def urgent(self) -> Iterator[sa.Connection]:
+        """A transaction that writes, and gets SQLite's write lock soon after it is free.
+
+        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks least,
+        and waits for seconds. This one asks every millisecond for as long.
+        """
+        if not is_sqlite(self.url):
+            with self.transaction() as connection:
+                yield connection
+            return
+        with readable_errors(self.url), self._engine.connect() as connection:
+            _begin(connection, self._wait_s)
+            with connection.begin():
+                yield connection
+
     def add(self, order: Order, request: str, priority: int, nodes: Sequence[tuple[Node, str | None]], created: float) -> bool:
         """Add an evaluation and its nodes (node, method), all queued, unless it is there; whether it was added."""
+        with self.transaction() as c:
+            return self.add_within(c, order, request, priority, nodes, created)
+
+    def add_within(
+        self, c: sa.Connection, order: Order, request: str, priority: int, nodes: Sequence[tuple[Node, str | None]], created: float
+    ) -> bool:
+        """`add` as a part of a transaction."""
         row = {
             "id": order.evaluation, "created": created, "state": "queued", "priority": priority, "attempt": 1, "request": request,
             "order": order.model_dump_json(), "total": len(nodes), "events": 0,
         }  # fmt: skip
-        with self.transaction() as c:
-            new = self._insert(EVALUATIONS).values(row).on_conflict_do_nothing().returning(EVALUATIONS.c.id)
-            if c.execute(new).scalar() is None:
-                return False
-            c.execute(
-                sa.insert(NODES),
-                [
-                    {"evaluation": order.evaluation, "node": n.id, "attempt": 1, "queue": n.queue, "state": "queued", "method": m}
-                    for n, m in nodes
-                ],
-            )
-            self._say(c, order.evaluation, {"type": "evaluation", "state": "queued"})
+        new = self._insert(EVALUATIONS).values(row).on_conflict_do_nothing().returning(EVALUATIONS.c.id)
+        if c.execute(new).scalar() is None:
+            return False
+        c.execute(
+            sa.insert(NODES),
+            [
+                {"evaluation": order.evaluation, "node": n.id, "attempt": 1, "queue": n.queue, "state": "queued", "method": m}
+                for n, m in nodes
+            ],
+        )
+        self._say(c, order.evaluation, {"type": "evaluation", "state": "queued"})
         return True
 
     def evaluation(self, id: str) -> Row:
@@ -204,11 +231,6 @@ class Records:
             dead = sa.delete(WORKERS).where(WORKERS.c.seen < now - lease_s, WORKERS.c.id != worker).returning(WORKERS.c.id)
             return list(c.execute(dead).scalars())
 
-    def silent(self, lease_s: float) -> list[str]:
-        """Workers that were silent for longer than the lease. A question only: it is answered while another process may write."""
-        with self.transaction() as c:
-            return list(c.execute(sa.select(WORKERS.c.id).where(WORKERS.c.seen < self._now(c) - lease_s)).scalars())
-
     def leave(self, worker: str) -> None:
         """A worker ends in good order: what it left is taken over at the next heartbeat of another one."""
         with self.transaction() as c:
@@ -295,3 +317,22 @@ class Records:
         reach("record half written")
         stored = {"seq": seq, "time": time.time(), **event}
         c.execute(sa.insert(EVENTS).values(evaluation=id, seq=seq, event=json.dumps(stored)))
+
+
+def _begin(connection: sa.Connection, wait_s: float) -> None:
+    """Take SQLite's write lock. Raises sqlite3.OperationalError where others hold it all that time."""
+    driver = connection.connection.dbapi_connection
+    assert isinstance(driver, sqlite3.Connection)
+    driver.execute("pragma busy_timeout=0")
+    end = time.monotonic() + wait_s
+    try:
+        while True:
+            try:
+                driver.execute("begin immediate")
+                return
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > end:
+                    raise
+            time.sleep(ASK_S)
+    finally:
+        driver.execute(f"pragma busy_timeout={round(wait_s * 1000)}")

@@ -13,7 +13,7 @@ from typing import Any, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from jobs.store import Store
-from renderers import Scene, SceneError, builtin_scenes, load_scene
+from renderers import Scene, SceneError, load_scene
 
 UPLOAD = "upload-"
 
@@ -29,7 +29,9 @@ class NamedScene:
 
 def open_scene(text: str) -> NamedScene:
     """Load a scene from what the user wrote. Raises SceneError in one line."""
-    if text.partition(":")[0] in builtin_scenes():
+    from renderers.scene.builtin import BUILTIN
+
+    if text.partition(":")[0] in BUILTIN:
         return _built_in(text)
     uploaded = upload_file(text)
     if uploaded is not None:
