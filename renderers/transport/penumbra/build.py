@@ -128,7 +128,7 @@ def build(
     """
     pyramids = pyramids_of(world, emitter, points, resolution, near)
     cast = _casting(world, emitter, casters)
-    corners = world.positions[world.triangles[cast]].astype(np.float64)
+    corners = world.positions[world.triangles[cast]]
     cover = np.ones((len(corners), 2))
     if opacity is not None:
         cover[:, 0] = opacity[cast]
@@ -138,7 +138,7 @@ def build(
 
 
 def _one(
-    pyramid: Pyramid, corners: F64, cover: F64, points: F64, resolution: int, how: Construction, slope: Slope,
+    pyramid: Pyramid, corners: NDArray[np.floating], cover: F64, points: F64, resolution: int, how: Construction, slope: Slope,
     counters: Counter[str] | None,
 ) -> PenumbraMap:  # fmt: skip
     texels = HALF_TEXELS[how.walk]
@@ -154,8 +154,8 @@ def _one(
 
 
 def map_maker(
-    pyramid: Pyramid, corners: F64, shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0, limit: float = 0.0,
-    cover: F64 | None = None,
+    pyramid: Pyramid, corners: NDArray[np.floating], shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0,
+    limit: float = 0.0, cover: F64 | None = None,
 ) -> MapMaker:  # fmt: skip
     """Makes shadow maps float32 (N, *shape) of World triangles (T, 3, 3) for cameras; the rest as in `depth_maps`, opaque by
     default.
