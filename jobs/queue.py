@@ -66,7 +66,9 @@ class JobQueue:
         self.artifacts = Artifacts(store or home.artifacts)
         self.records = Records(database or home.database)
         self._client = Client(self.records.url)
-        self._intake = Intake(self.records, lambda connection, s: self._client.enqueue(s.order.evaluation, 1, s.priority, connection))
+        self._intake = Intake(
+            self.records, lambda connection, s: self._client.enqueue(s.order.evaluation, 1, s.priority, connection)
+        )
 
     def close(self) -> None:
         """Close all connections."""

@@ -50,8 +50,8 @@ class Records:
     def urgent(self) -> Iterator[sa.Connection]:
         """A transaction that writes, and gets SQLite's write lock soon after it is free.
 
-        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks least,
-        and waits for seconds. This one asks every millisecond for as long.
+        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks
+        least, and waits for seconds. This one asks every millisecond.
         """
         if not is_sqlite(self.url):
             with self.transaction() as connection:

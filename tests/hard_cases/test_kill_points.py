@@ -159,7 +159,7 @@ def submitter_round(server: Server, spec: Spec, label: str, expected: list[dict[
     queue = JobQueue(spec.database)
     try:
         known, _ = queue.list()
-        assert len(known) == (0 if label == "submit before record" else 1)
+        assert len(known) == (1 if label == "submit after enqueue" else 0)
         server.start(spec)
         id = known[0].id if known else queue.submit(REQUEST).id
         whole(queue, id, expected)
