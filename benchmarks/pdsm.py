@@ -1,24 +1,35 @@
-"""Penumbra deep shadow maps: seconds of construction against samples and resolution, and lookups per second.
+"""Penumbra deep shadow maps: construction, memory, lookups, and error at equal time.
 
-Run on an idle machine: `python benchmarks/pdsm.py`. Prints medians; construction is linear in N, quadratic in the pyramid's
-resolution.
+Run on an idle machine from the repository root: `LUXMETER_SCENES=folder python benchmarks/pdsm.py [PART …]`; parts are build, size,
+memory, lookup, equal-time. Construction and lookups are of a scanned model under a square light (a procedural knot without the
+folder), on a ground that receives only. Prints medians or single runs.
 """
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import renderers
-from renderers.transport.penumbra.assemble import Construction
-from renderers.transport.penumbra.build import LightShadows, Slope, build, warm_up
-from renderers.transport.penumbra.emitters import emitters_of
+from jobs.claims.bench import Bench
+from jobs.claims.pdsm_stage import Stage, bytes_of_steps, peak_bytes, scanned_model, stage_of
+from renderers.images import luminance
+from renderers.transport.penumbra.build import LightShadows
+from renderers.transport.penumbra.shading import cast_hidden
+from renderers.transport.primary import cast_gbuffer
+
+MIB = 2.0**20
+CASES = ((64, 256, 256), (64, 512, 512), (256, 256, 512), (256, 512, 512))
 
 
-def measured(work: Callable[[], object], repeats: int = 3) -> tuple[float, float]:
+def measured(work: Callable[[], object], repeats: int = 1) -> tuple[float, float]:
     """Median wall and CPU seconds of a call."""
     walls, cpus = [], []
     for _ in range(repeats):
@@ -29,34 +40,90 @@ def measured(work: Callable[[], object], repeats: int = 3) -> tuple[float, float
     return float(np.median(walls)), float(np.median(cpus))
 
 
+def construction(stage: Stage) -> None:
+    """Seconds over samples and resolution, at 2 %."""
+    stage.build(4, 64, 64)
+    for samples, resolution, maps in CASES:
+        tally = Counter[str]()
+        wall, cpu = measured(lambda n=samples, r=resolution, m=maps, t=tally: stage.build(n, r, m, t))  # type: ignore[misc]
+        rate = tally["texels_walked"] / cpu / 1e6
+        print(f"build N {samples:3d}, {resolution}² pixels, {maps}² texels: {wall:.2f} s wall {cpu:.2f} s CPU", end=" ")
+        print(f"{rate:.0f} Mtexels/CPU-s", flush=True)
+
+
+def compression(stage: Stage) -> None:
+    """Sizes of the default case."""
+    plain = bytes_of_steps(stage.build(256, 512, 512, compression="none"))
+    print(f"uncompressed {plain / MIB:.1f} MiB", flush=True)
+    for metric in ("vertical", "perpendicular"):
+        for epsilon in (0.02, 0.05, 0.1):
+            small = stage.build(256, 512, 512, compression=metric, epsilon=epsilon).bytes
+            print(f"{metric} {epsilon:.0%}: {small / MIB:.2f} MiB, {plain / small:.1f} times smaller", flush=True)
+
+
+def memory(stage: Stage) -> None:
+    """Peak resident memory over the user's bound, without the result."""
+    for bound in (64, 128, 256, 512):
+        kept: list[int] = []
+        peak = peak_bytes(lambda b=bound, k=kept: k.append(stage.build(64, 512, 512, memory=b << 20).bytes))  # type: ignore[misc]
+        print(f"bound {bound} MiB: peak {peak / MIB:.0f} MiB with a result of {kept[0] / MIB:.1f} MiB", flush=True)
+
+
+def lookups(stage: Stage) -> None:
+    """A picture of 1280×720 from functions, and from shadow rays to the same 256 light points (every 16th pixel, scaled)."""
+    made = LightShadows(stage.lamp, (stage.build(256, 512, 512),))
+    gbuffer = cast_gbuffer(stage.world, (1280, 720))
+    rows = np.flatnonzero(gbuffer.covered)
+    where = gbuffer.position.reshape(-1, 3)[rows].astype(np.float64)
+    normals = stage.world.face_normals[gbuffer.triangle.ravel()[rows]]
+    made.hidden(where[:10])
+    ours = {name: measured(lambda f=name: made.hidden(where, filter=f), 5) for name in ("nearest", "bilinear")}  # type: ignore[misc]
+    few, points = slice(None, None, 16), stage.lamp.points(256, 0)
+    rays = measured(lambda: cast_hidden(stage.world, stage.lamp, points, where[few], normals[few], Counter()))
+    for name, (wall, cpu) in ours.items():
+        ratio = 16 * rays[1] / cpu
+        print(f"lookup {name}: {len(where)} points {wall * 1e3:.0f} ms wall {cpu * 1e3:.0f} ms CPU", end="; ")
+        print(f"rays to 256 points: {ratio:.0f} times the CPU seconds", flush=True)
+
+
+def equal_time(name: str, size: tuple[int, int] = (160, 112)) -> None:
+    """Preparation, seconds a frame and error against Mitsuba's direct light, of pdsm and its peers."""
+    from renderers import reference
+
+    scene = renderers.load_scene(name)
+    truth = reference.render(scene, "direct", size=size, noise=0.004, max_seconds=60)
+    white = float(np.percentile(luminance(truth.image), 99))
+    cases: list[tuple[str, dict[str, object]]] = [
+        ("pdsm", {"samples": n, "resolution": 256, "map_resolution": 256}) for n in (16, 64, 256)
+    ]
+    cases += [("averaged-shadow-maps", {"samples": n}) for n in (16, 64, 256)]
+    cases += [("ray-cast-area-light", {"samples": n}) for n in (16, 64, 256)]
+    cases += [("pcss", {}), ("moment-shadow-map", {}), ("shadow-map", {}), ("layered-attenuation-map", {"map_resolution": 512})]
+    cases += [("pt", {"spp": n, "transport": "direct"}) for n in (1, 4, 16, 64)]
+    for method_name, settings in cases:
+        method = renderers.get_method(method_name)
+        extra = {} if method_name == "pt" else {"light_samples": 16}
+        frame = method.render(scene, method.Settings(**settings, **extra), size=size)
+        error = luminance(frame.layers["direct"] if method_name != "pt" else frame.layers["beauty"]) - luminance(truth.image)
+        prepare = sum(t.cpu_s for t in frame.timings if t.stage == "prepare" and t.name != "warm-up")
+        render = sum(t.cpu_s for t in frame.timings if t.stage == "render")
+        rmse = float(np.sqrt((error**2).mean())) / white
+        print(
+            f"{name} {method_name} {settings}: {prepare:.2f} s once, {render:.2f} s a frame (CPU), RMSE {rmse:.2%} of white",
+            flush=True,
+        )
+
+
 def main() -> None:
-    """Print one line a case."""
-    warm_up()
-    world = renderers.load_scene("cornell-box", light="area").world()
-    lamp = emitters_of(world)[0]
-    kept: list[LightShadows] = []
-    for samples, resolution, maps in ((16, 128, 128), (64, 128, 128), (64, 256, 128), (64, 256, 256), (256, 256, 256)):
-        points = lamp.points(samples, 0)
-        for compression in ("none", "vertical", "perpendicular"):
-            tally = Counter[str]()
-
-            def work(
-                n: int = resolution, m: int = maps, c: str = compression, p: np.ndarray = points, t: Counter[str] = tally
-            ) -> None:
-                t.clear()
-                how = Construction(bias=1e-3, compression=c)  # type: ignore[arg-type]
-                kept[:] = [build(world, lamp, p, resolution=n, map_resolution=m, how=how, slope=Slope(), counters=t)]
-
-            wall, cpu = measured(work)
-            mib = sum(shadow.bytes for shadow in kept[0].maps) / 2**20
-            print(
-                f"N {samples:4d}  pyramid {resolution:4d}  map {maps:4d}  {compression:14s} {wall:7.2f} s wall {cpu:7.2f} s CPU "
-                f"{tally['texels_walked'] / cpu / 1e6:7.1f} Mtexels/CPU-s  {mib:7.2f} MiB"
-            )
-    where = world.positions.mean(axis=0) + np.random.default_rng(0).uniform(-0.3, 0.3, (200_000, 3))
-    for name in ("nearest", "bilinear"):
-        wall, cpu = measured(lambda f=name: kept[0].hidden(where, filter=f))  # type: ignore[misc]
-        print(f"lookup {name:9s} {len(where) / wall / 1e6:6.2f} M points/s wall  {len(where) / cpu / 1e6:6.2f} M points/CPU-s")
+    """Every part, or those named."""
+    stage = stage_of(scanned_model(Bench(lambda line: None)))
+    print(stage.name)
+    parts: dict[str, Callable[[], None]] = {
+        "build": lambda: construction(stage), "size": lambda: compression(stage), "memory": lambda: memory(stage),
+        "lookup": lambda: lookups(stage), "equal-time": lambda: equal_time("leaves"),
+    }  # fmt: skip
+    for name in sys.argv[1:] or parts:
+        parts[name]()
 
 
 if __name__ == "__main__":

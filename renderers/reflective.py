@@ -19,9 +19,9 @@ F64 = NDArray[np.float64]
 class LightView:
     """A light as a camera of one or more square tiles, `resolution` texels wide, on top of one another.
 
-    views (n, 3, 3): World to tile, a tile looks along -Z. half (2,): a parallel tile's half extent, else tangents of its half angle;
-    centre (2,): middle of a parallel tile, else 0. depth: range along -Z of a parallel tile. origin, axis (3,): the light and the way
-    it travels. intensity (3,): W/sr × scale², of an area sample to be multiplied by the cosine at its side, of a directional one W/m².
+    views (n, 3, 3): World to tile, a tile looks along -Z. half (2,): a parallel tile's half extent, else tangents of half angles;
+    centre (2,): middle of a parallel tile, else 0. depth: range along -Z of a parallel tile. origin, axis (3,): the light and the
+    way it travels. intensity (3,): W/sr × scale², of an area sample times the cosine at its side; of a directional light W/m².
     """
 
     kind: Literal["point", "spot", "directional", "area"]
@@ -58,7 +58,7 @@ class LightView:
         return np.broadcast_to(self.origin, directions.shape), directions
 
     def emitted(self, directions: F64) -> F64:
-        """Power per measure of the light's rays, float64 (..., 3): W/sr × scale² along unit directions, or W/m² when parallel."""
+        """Power per measure of rays, (..., 3): W/sr × scale² along unit directions, W/m² when parallel."""
         cosine = directions @ self.axis
         shape = np.ones_like(cosine)
         if self.kind == "area":
@@ -73,8 +73,8 @@ class LightView:
 class ReflectiveMap:
     """A light's view with what its texels reflect.
 
-    position, normal (geometric, of the lit side), flux: float32 (n · R, R, 3). flux: albedo × `LightView.emitted`, that is reflected
-    power per measure; 0 where the light sees nothing.
+    position, normal (geometric, of the lit side), flux: float32 (n · R, R, 3). flux: albedo × `LightView.emitted`, reflected power
+    per measure; 0 where the light sees nothing.
     """
 
     view: LightView

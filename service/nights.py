@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import IO
 
 from jobs.child import die_with
-from jobs.durable import Stopped
 from jobs.errors import RequestError
 from jobs.process import child_environment
 from service import suite as suites
@@ -50,6 +49,8 @@ class Nights:
         log.log(level, "nightly suite ended with exit code %d: %s", code, said[-1] if said else "it said nothing")
 
     def _carry_out(self, output: IO[str]) -> int:
+        from jobs.durable import Stopped  # the worker that calls this has loaded it; the command line starts without
+
         environment = child_environment() | {"LUXMETER_HOME": str(self._home)}
         command = [sys.executable, "-P", "-m", "service.nights", str(os.getpid()), *self._arguments]
         child = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT)

@@ -5,7 +5,7 @@ module must be cheap to import: what it renders with is imported inside its func
 """
 
 from jobs.claims.bench import Bench
-from jobs.claims.model import Answer, Measurement, PublishedClaim, Row, row
+from jobs.claims.model import Answer, Measurement, PublishedClaim, Row, held, row
 from jobs.claims.registry import UnknownClaim, get_claim, register, registered_claims
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Row",
     "UnknownClaim",
     "get_claim",
+    "held",
     "register",
     "registered_claims",
     "row",

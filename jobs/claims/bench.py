@@ -14,7 +14,7 @@ from jobs.scenes import NamedScene, open_scene
 from jobs.settings import validate
 from jobs.store import Store
 from renderers import Frame, Transport, get_method
-from renderers.images import luminance
+from renderers.images import display_values, luminance
 from renderers.method import device_string
 
 if TYPE_CHECKING:
@@ -83,6 +83,11 @@ class Bench:
 
         found = device()
         return f"{found['gl']} · {found['cpu']} · {found['threads']} threads"
+
+
+def display_rmse(image: NDArray[np.floating], truth: NDArray[np.floating], exposure: float) -> float:
+    """Root mean squared difference of display values, 0-255, of two linear images (H, W, 3)."""
+    return float(np.sqrt(np.mean((display_values(image, exposure) - display_values(truth, exposure)) ** 2)))
 
 
 def render_seconds(frame: Frame, *, cpu: bool = False, without: tuple[str, ...] = ()) -> float:

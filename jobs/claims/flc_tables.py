@@ -68,7 +68,7 @@ Values = dict[str, list[float]]
 
 def measure(bench: Bench, published: Mapping[str, Published], settings: Mapping[str, Any]) -> Measurement:
     """Every row of a table over SEEDS seeds, and the row of 64K lights in other scenes."""
-    common = {"visibility": "none", **settings}
+    common = {"visibility": "none", "sampler": "uniform", **settings}
     ratio = published["64k"].evaluations_ratio
     scene = bench.open(SCENE)
     reach = calibrated_reach(bench, scene, common, ratio)
@@ -206,7 +206,16 @@ def table(id: str, title: str, section: str, published: Mapping[str, Published],
     register(PublishedClaim(id, title, f"{SOURCE} {section}", run))
 
 
-table("flc-table-4.1", "Discrete forward light cuts against instant radiosity", "Table 4.1", DISCRETE, levels=3, q_a=2, q_n=3)
+table(
+    "flc-table-4.1",
+    "Discrete forward light cuts against instant radiosity",
+    "Table 4.1",
+    DISCRETE,
+    family="c0",
+    levels=3,
+    q_a=2,
+    q_n=3,
+)
 table(
     "flc-table-4.2",
     "Continuous forward light cuts against instant radiosity",

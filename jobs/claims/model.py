@@ -76,6 +76,11 @@ def row(
     return Row(id, quantity, unit, published, interval(values), direction, within, comparable)
 
 
+def held(id: str, quantity: str, outcomes: Sequence[bool], *, comparable: bool = True) -> Row:
+    """A row for what a publication says in words: in which share of cases it is so, published as 1. Raises ValueError for none."""
+    return row(id, quantity, "share of cases", 1.0, [float(o) for o in outcomes], "higher", comparable=comparable)
+
+
 @dataclass(frozen=True)
 class Measurement:
     """What measuring a claim gave. scene: what was rendered, in words; notes: sentences on how it differs from the publication."""

@@ -8,7 +8,7 @@ cost grows with samples and resolution, what two processors and slabs bring, how
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +60,7 @@ def dragon(bench: Bench, side: float = LIGHT) -> Stage:
     return stage_of(scanned_model(bench), side)
 
 
-def sizes(bench: Bench, published: dict[int, tuple[float, ...]], model: Callable[[Bench], Model]) -> Measurement:
+def sizes(bench: Bench, published: Mapping[int, Sequence[float]], model: Callable[[Bench], Model]) -> Measurement:
     """Tables 3.1 and 3.2: MiB after compression, and the ratios at 256 samples."""
     stage = stage_of(model(bench))
     rows: list[Row] = []

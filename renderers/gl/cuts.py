@@ -25,7 +25,8 @@ def splat_cuts(
     """Light of L VPLs within their supports, float32 (H, W, 3), and the number of (pixel, light) pairs that bring any.
 
     lights: rows of position, normal, intensity and support, (21, L), as `transport.splat.light_rows` makes them. spheres: centres
-    (L, 3) and radii (L,) around the supports. family: 0 hat, 1 two hats, 2 ridge. eps_b ≥ 0: World units². Raises GLError.
+    (L, 3) and radii (L,) around the supports. family: `kernel` of its class in `transport.cuts`. eps_b ≥ 0: World units². Raises
+    GLError.
     """
     inverse_bound = min(1 / eps_b, LARGEST) if eps_b > 0 else LARGEST
     image = splat(

@@ -63,11 +63,12 @@ def _area_samples(world: World, count: int) -> list[LightSample]:
     triangles = np.concatenate([emissive, both])
     sides = np.concatenate([np.ones(len(emissive)), -np.ones(len(both))])
     radiance = world.materials.emission[world.material[triangles]].astype(np.float64)
-    power = luminance(radiance) * world.areas[triangles]
+    area = world.areas_of(triangles)
+    power = luminance(radiance) * area
     chosen, rest = _strata(power, count)
-    weight = world.areas[triangles][chosen] * power.sum() / (power[chosen] * count)
+    weight = area[chosen] * power.sum() / (power[chosen] * count)
     points = _triangle_points(world.positions[world.triangles[triangles[chosen]]].astype(np.float64), rest)
-    normals = world.face_normals[triangles[chosen]] * sides[chosen, None]
+    normals = world.normals_of(triangles[chosen]) * sides[chosen, None]
     return [
         LightSample("area", y + LIFT * n, n, i)
         for y, n, i in zip(points, normals, radiance[chosen] * weight[:, None], strict=True)

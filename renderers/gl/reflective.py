@@ -1,6 +1,8 @@
-"""Reflective shadow maps on GL: the map by rasterisation from the light, its light by one full-screen pass. See transport.reflective."""
+"""Reflective shadow maps on GL: the map rasterised from the light, then one full-screen pass. Twin of `transport.reflective`."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +79,7 @@ def gather_map(gbuffer: GBuffer | ResidentGBuffer, world: World, seen: Reflectiv
     return image
 
 
-def _texture(array: F32) -> object:
+def _texture(array: F32) -> Any:
     height, width, _ = array.shape
     texels = np.concatenate([array, np.zeros((height, width, 1), np.float32)], axis=-1)
     return context().texture((width, height), 4, texels.tobytes(), dtype="f4")

@@ -22,6 +22,8 @@ from renderers.gl import passes
 from renderers.gl.context import check, context
 from renderers.gl.programs import assign, source
 from renderers.gl.upload import upload
+from renderers.scene.builder import SceneBuilder
+from renderers.scene.model import Lambert
 from renderers.scene.world import World
 
 POINT = np.dtype(
@@ -84,9 +86,15 @@ def resample(
         capacity, room = max(capacity, found), max(room, wanted)
 
 
-def warm_up(world: World) -> None:
-    """Compile the shaders and upload the triangles."""
-    resample(world, 1.0, (0, 0))
+@cache
+def warm_up() -> None:
+    """Compile the shaders of both passes, by drawing two large triangles and a small one; once a process."""
+    b = SceneBuilder("warm-up")
+    material = b.material(Lambert())
+    b.quad([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], material)
+    b.node(meshes=(b.mesh([(0, 0, 0), (0.1, 0, 0), (0, 0, 0.1)], [[0, 1, 2]], material),))
+    b.camera((0, 1, 0), (0, 0, 0), 1.0, up=(0, 0, 1))
+    resample(b.build().world(), 0.1, (0, 0))
 
 
 def _run(world: World, uniforms: dict[str, Any], capacity: int, room: int, indirect: bool) -> tuple[int, int, NDArray[Any]]:

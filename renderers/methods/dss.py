@@ -2,11 +2,11 @@
 
     L(x) = L_e + L_direct + Σ_{|x - y_j| ≤ R} f_r ⟨n_x, l⟩⁺ ⟨n_j, -l⟩⁺ / max(ε_b, r²) · ρ_j/π · E_j · A_j
 
-Triangles are split until a piece's edge looks no longer than `surfel_size` pixels from the eye, on the screen or off it, before or
-behind what is seen: so light doesn't change when the camera turns. Pieces are the surfels; they are splatted on the pixels within
-one radius R, with interleave = s each on one of s² sub-images that a filter joins. Triangles are never merged: cost grows with their
-number. Light from beyond R is lost, and occlusion of the bounce is left out: with R = 2 (the whole scene) the image is that of `ir`,
-with regular points. Passes: surfels, light, gbuffer, direct, splat.
+Triangles are split until a piece's edge looks no longer than `surfel_size` pixels from the eye, on the screen or off it, seen or
+hidden: so light doesn't change when the camera turns. Pieces are the surfels; they are splatted on the pixels within one radius R,
+with interleave = s each on one of s² sub-images that a filter joins. Triangles are never merged: cost grows with their number.
+Light from beyond R is lost, and occlusion of the bounce is left out: with R = 2 (the whole scene) the image is that of `ir` with
+regular points. Passes: surfels, light, gbuffer, direct, splat.
 
 | setting           | default          | unit | range               | meaning                                               |
 | ----------------- | ---------------- | ---- | ------------------- | ----------------------------------------------------- |
@@ -45,8 +45,12 @@ class DssSettings(OneBounceSettings):
     """Settings of deep screen space."""
 
     radius: float = setting(0.3, "R, how far a surfel's light reaches, in scene radii", unit="r", source=f"{PAPER} §4", gt=0, le=2)
-    surfel_size: float = setting(16.0, "longest edge of a surfel as seen from the eye", unit="px", source=f"{PAPER} §4", ge=0.25, le=1024)
-    levels: int = setting(6, "a triangle becomes 4^levels surfels at most (OpenGL's tessellator: 64 × 64)", source=PAPER, ge=0, le=10)
+    surfel_size: float = setting(
+        16.0, "longest edge of a surfel as seen from the eye", unit="px", source=f"{PAPER} §4", ge=0.25, le=1024
+    )
+    levels: int = setting(
+        6, "a triangle becomes 4^levels surfels at most (OpenGL's tessellator: 64 × 64)", source=PAPER, ge=0, le=10
+    )
     interleave: Literal[1, 2, 4, 8] = setting(
         1, "s: each surfel in one of s² sub-images, then a filter; sizes must be divisible by s", source=f"{PAPER} §5"
     )
@@ -93,7 +97,7 @@ class DeepScreenSpace(OneBounce):
     def bounce(
         self, world: World, gbuffer: GBuffer, direct: NDArray[np.float32], made: Made, settings: Any, counters: Counter[str]
     ) -> NDArray[np.float32]:
-        """All surfels on the whole picture, or each on its sub-image, s² times as strong, before the product with a diffuse albedo."""
+        """All surfels on the whole picture, or each on its sub-image, s² times as strong, and then the filter."""
         side = settings.interleave
         if side == 1:
             return splat(world, gbuffer, made.surfels, settings, counters)

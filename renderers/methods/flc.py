@@ -2,26 +2,29 @@
 
     α_y(x) = r³ / ⟨n_y, x-y⟩        κ ~ μ        T(x) = Σ_n s_κ(α_n(x)) / μ_κ · f_r G_b(x, y_n) · I_n        E[s_κ/μ_κ] = 1
 
-Equations 4.13, 4.16, 4.18 and 4.26, algorithms 1 to 5; α in squared reaches (ε_Ω = 1). Numerous levels act near only, rare ones far
-and strongly; nothing is built, no light knows another. In the mean the image is that of `ir` with the same clamp, which is the only
-bias besides ignoring V; at equal N it is noisier and cheaper. K = 1 is `ir`, to the byte. Passes: vpls (points, light, levels),
-gbuffer, direct, splat (with the filter where interleaved).
+Equations 4.13, 4.16, 4.18 and 4.26, algorithms 1 to 5; α in squared reaches (ε_Ω = 1). Numerous lights act near only, rare ones
+far and strongly; nothing is built. In the mean the image is that of `ir` with the same clamp, which is the only bias besides
+ignoring V; at equal N it is noisier and cheaper. The published families of levels are c0 (the publication's choice), c-1, linear
+and ridge. The default, roulette, has the least variance × cost (docs/methods/flc.md derives it): a light of intensity I survives
+at α with probability min(1, a_1 I / (Ī α)). K = 1 is `ir`, to the byte. Passes: vpls (points, light, levels), gbuffer, direct,
+splat (with the filter where interleaved).
 
 | setting           | default          | unit | range                    | meaning                                              |
 | ----------------- | ---------------- | ---- | ------------------------ | ---------------------------------------------------- |
 | quality           | 0.5              | 1    | 0 … 1                    | N = 1024 · 64^quality                                |
-| reach             | 0.5              | 1    | > 0                      | R_1 over the radius: how far the finest level acts   |
+| reach             | 0.3              | 1    | > 0                      | R_1 over the radius: where lights begin to thin out  |
 | vpls              | from quality     | 1    | 1 … 2²⁴                  | N                                                    |
-| family            | c0               |      | c0, c-1, linear, ridge   | support functions (4.18), (4.17), (4.45), (4.47)     |
+| family            | roulette         |      | and c0, c-1, linear,     | support functions: docs, (4.18), (4.17), (4.45),     |
+|                   |                  |      | ridge                    | (4.47)                                               |
 | levels            | from reach       | 1    | 1 … 32                   | K: R_K ≥ the radius, and 32 VPLs or more at the last |
-| q_a               | 2                | 1    | > 1                      | ratio of areas of neighbouring levels                |
-| q_n               | q_a              | 1    | > 1                      | ratio of their numbers                               |
+| q_a               | 2                | 1    | > 1                      | ratio of areas of neighbouring levels; not roulette  |
+| q_n               | q_a              | 1    | > 1                      | ratio of their numbers; not roulette                 |
 | epsilon_omega     | from reach       | sr   | > 0                      | reach unset: R_1² = area / (N μ_1 ε_Ω)               |
 | eps_b             | (1 % of radius)² | m²   | ≥ 0                      | clamp on the squared distance, the same as `ir`'s    |
 | visibility        | none             |      | none, raycast            | occlusion between VPL and receiver                   |
 | passes            | 1                | 1    | 1 … 4096                 | progressive: average of draws of N VPLs              |
 | interleave        | 1                | 1    | 1, 2, 4, 8               | s: each VPL in one of s² sub-images, then a filter   |
-| sampler, eta      | uniform          |      | …, resampled             | of the points, as `ir`                               |
+| sampler, eta      | low-discrepancy  |      | uniform, resampled       | of the points, as `ir`, and of the levels            |
 | light_samples     | 16               | 1    | 1 … 4096                 | samples of area lights and sky, per pixel and VPL    |
 | direct_visibility | raycast          |      | raycast, shadow-map      | shadows of the direct layer                          |
 | backend           | auto             |      | auto, gl, cpu            | auto: a fixed table on the device string             |
@@ -30,7 +33,6 @@ gbuffer, direct, splat (with the filter where interleaved).
 from __future__ import annotations
 
 from collections import Counter
-from math import ceil, log
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -38,6 +40,7 @@ from numpy.typing import NDArray
 
 from renderers.frame import Frame
 from renderers.method import Context, register, setting
+from renderers.methods.flc_levels import calibrate, family_of, notes_of
 from renderers.methods.ir import (
     InstantRadiosity,
     IrSettings,
@@ -53,8 +56,7 @@ from renderers.methods.ir import (
 )
 from renderers.methods.ir import warm_up as warm_up_ir
 from renderers.scene.model import Scene
-from renderers.scene.surface import rest_surface
-from renderers.scene.world import LAMBERT, World, rest_bounds
+from renderers.scene.world import LAMBERT, World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
@@ -62,9 +64,6 @@ if TYPE_CHECKING:
     from renderers.transport.resampling.points import Points
     from renderers.transport.vpl import Vpls
 
-DEFAULT_REACH = 0.5
-LEAST_LAST = 32
-FEW_LAST = 10
 WHOLE = 4.0
 CHAPTER = "Laurent 2018 §4.2"
 
@@ -74,15 +73,24 @@ class FlcSettings(IrSettings):
 
     quality: float = setting(0.5, "sets the number of virtual lights: N = 1024 · 64^quality", ge=0, le=1)
     reach: float | None = setting(
-        None, "R_1 over the scene's radius: where the finest level ends; empty: 0.5; from 1 on K = 1", source=CHAPTER, gt=0, le=1e3
+        None,
+        "R_1 over the scene's radius: where lights begin to thin out; empty: 0.3; from 1 on K = 1",
+        source=CHAPTER,
+        gt=0,
+        le=1e3,
     )
     vpls: int | None = setting(  # type: ignore[assignment]
         None, "N, number of points drawn on the surfaces; empty: from quality", source="Laurent 2018 eq. 4.26", ge=1, le=1 << 24
     )
-    family: Literal["c0", "c-1", "linear", "ridge"] = setting(
-        "c0",
-        "support functions: C⁰ hats, C⁻¹ steps, hats prolonged linearly, or the logarithmic ridge",
-        source="Laurent 2018 §4.2-4.3",
+    family: Literal["roulette", "c0", "c-1", "linear", "ridge"] = setting(
+        "roulette",
+        "support functions: roulette, or published: C⁰ hats, C⁻¹ steps, hats prolonged linearly, the logarithmic ridge",
+        source="Laurent 2018 §4.2-4.3; roulette: docs/methods/flc.md",
+    )
+    sampler: Literal["uniform", "low-discrepancy", "resampled"] = setting(
+        "low-discrepancy",
+        "of points and levels: independent, an Owen-scrambled Sobol' set, or triangle by triangle at constant density",
+        source="Laurent 2018 chapter 5",
     )
     levels: int | None = setting(None, "K, number of levels; empty: from reach", source=CHAPTER, ge=1, le=32)
     q_a: float = setting(2.0, "ratio of the areas of neighbouring levels", source="Laurent 2018 eq. 4.28", gt=1, le=100)
@@ -94,17 +102,6 @@ class FlcSettings(IrSettings):
     )
     passes: int = setting(1, "progressive: average of this many draws of N lights", source="Laurent 2018 §5.6", ge=1, le=4096)
     interleave: Literal[1, 2, 4, 8] = setting(1, "s: each light goes to one of s² sub-images", source="Laurent 2018 §5.6.4")
-
-
-class Calibration(NamedTuple):
-    """What follows from settings and scene. first: R_1 in metres; epsilon_omega: sr; levels: K."""
-
-    vpls: int
-    reach: float
-    first: float
-    levels: int
-    q_n: float
-    epsilon_omega: float
 
 
 class Draw(NamedTuple):
@@ -166,56 +163,9 @@ class ForwardLightCuts(InstantRadiosity):
         return Frame(layers, watch.timings, dict(sorted(counters.items())), {"backend": settings.backend}, notes)
 
 
-def calibrate(scene: Scene, settings: Any) -> Calibration:
-    """R_1 from reach, or from ε_Ω by a_1 = |S|/(N μ_1) = ε_Ω R_1²; then the smallest K whose last level spans the scene.
-
-    A last level of fewer than LEAST_LAST drawn VPLs would leave the far light to a handful of them: K ends before.
-    """
-    radius = rest_bounds(scene)[1]
-    vpls = settings.vpls or round(1024 * 64**settings.quality)
-    q_n = settings.q_n or settings.q_a
-    surface = rest_surface(scene)
-    # |S| / N over the share of an endless geometric law: K isn't known yet, and μ_1 changes by its last term only
-    first_area = surface / vpls / (1 - 1 / q_n)
-    reach = settings.reach
-    if reach is None:
-        reach = DEFAULT_REACH if settings.epsilon_omega is None else (first_area / settings.epsilon_omega) ** 0.5 / radius
-    epsilon = settings.epsilon_omega or first_area / (reach * radius) ** 2
-    levels = settings.levels or level_count(vpls, reach, settings.q_a, q_n)
-    return Calibration(vpls, reach, reach * radius, levels, q_n, epsilon)
-
-
-def level_count(vpls: int, reach: float, q_a: float, q_n: float) -> int:
-    """Smallest K with reach² q_a^(K-1) ≥ 1, as long as level K gets LEAST_LAST VPLs on average; 1 … 32."""
-    count = 1
-    if reach < 1:
-        count = min(32, 1 + ceil(-2 * log(reach) / log(q_a) - 1e-9))
-    while count > 1 and vpls * last_share(count, q_n) < LEAST_LAST:
-        count -= 1
-    return count
-
-
-def last_share(count: int, q_n: float) -> float:
-    """μ_K of a geometric law."""
-    return q_n ** (1 - count) * (1 - 1 / q_n) / (1 - q_n**-count)
-
-
-def family_of(scene: Scene, settings: Any) -> Family:
-    """Support functions of resolved settings, their areas being squared reaches in World units."""
-    from renderers.transport.cuts import DiscreteLevels, LinearLevels, RidgeLevels, geometric_levels
-
-    # the World's radius is 1
-    areas, shares = geometric_levels(settings.levels, settings.reach**2, settings.q_a, settings.q_n)
-    if settings.family == "ridge":
-        return RidgeLevels(log(settings.q_n), 1 / log(settings.q_a), settings.reach**2 / (settings.q_a - 1))
-    if settings.family == "linear":
-        return LinearLevels(areas, log(settings.q_n))
-    return DiscreteLevels(areas, shares, settings.family == "c0")
-
-
 def is_ir(settings: Any) -> bool:
     """Whether every weight is 1: one discrete level, no sub-images."""
-    return settings.levels == 1 and settings.family in ("c0", "c-1") and settings.interleave == 1
+    return settings.levels == 1 and settings.family not in ("linear", "ridge") and settings.interleave == 1
 
 
 def warm_up(world: World, settings: Any) -> None:
@@ -226,24 +176,30 @@ def warm_up(world: World, settings: Any) -> None:
     from renderers.transport.splat import warm_up as compile_splat
 
     pairwise = settings.visibility == "raycast" or bool((world.materials.kind != LAMBERT).any())
-    compile_splat({"ridge": 2, "linear": 1}.get(settings.family, 0), pairwise)
+    compile_splat({"linear": 1, "ridge": 2, "roulette": 3}.get(settings.family, 0), pairwise)
 
 
 def draw(world: World, family: Family, settings: Any, seed: int, counters: Counter[str], points: Points | None = None) -> Draw:
     """VPLs of one seed, those of `ir`, with a level and a sub-image each, drawn independently of all else.
 
-    Resampled points bring the numbers of both along: the level's is what the draw of the point left over (5.12, 5.23).
+    Low-discrepancy levels are the dimension of the points' Sobol' sequence after theirs, scrambled on its own: lights near one
+    another differ in level, so that each level alone is well spread too. Resampled points bring the numbers of both along: the
+    level's is what the draw of the point left over (5.12, 5.23).
     """
-    from renderers.transport.sampling import generator
+    from renderers.transport.sampling import generator, uniform_numbers
     from renderers.transport.splat import light_rows
 
     vpls = light_of(world, points, settings, seed, counters)
-    if vpls.numbers is None:
-        marks = family.draw(generator(seed, "levels").random(vpls.drawn)[vpls.index])
-        place = generator(seed, "sub-images").integers(settings.interleave**2, size=vpls.drawn)[vpls.index]
-    else:
+    family = family.among(vpls.intensities)
+    levels = generator(seed, "levels")
+    if vpls.numbers is not None:
         marks = family.draw(vpls.numbers[:, 0])
         place = (vpls.numbers[:, 1] * settings.interleave**2).astype(np.int64)
+    else:
+        independent = settings.sampler == "uniform"
+        numbers = levels.random(vpls.drawn) if independent else uniform_numbers(vpls.drawn, 4, levels, settings.sampler)[:, 3]
+        marks = family.draw(numbers[vpls.index])
+        place = generator(seed, "sub-images").integers(settings.interleave**2, size=vpls.drawn)[vpls.index]
     for level, count in zip(*np.unique(marks.astype(np.int64), return_counts=True), strict=True):
         counters[f"vpls_level_{level}"] += int(count)
     return Draw(vpls, light_rows(vpls, family, marks), place)
@@ -306,19 +262,6 @@ def spheres_of(rows: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[
     centres, radii = enclosing_spheres(wide[:3].T, wide[3:6].T, wide[10])
     endless = radii > WHOLE
     return np.where(endless[:, None], wide[:3].T, centres), np.where(endless, WHOLE, radii * 1.0001 + 1e-6)
-
-
-def notes_of(scene: Scene, settings: Any) -> tuple[str, ...]:
-    """The levels in words; and a warning where the last one is nearly empty."""
-    first = settings.reach * rest_bounds(scene)[1]
-    if settings.family == "ridge":
-        return (f"flc: N = {settings.vpls}, continuous levels, λ_L = {log(settings.q_n):.4g}, λ_D = {1 / log(settings.q_a):.4g}, "
-                f"R_1 = {first:.4g} m",)  # fmt: skip
-    note = f"flc: N = {settings.vpls}, K = {settings.levels}, R_1 = {first:.4g} m, ε_Ω = {settings.epsilon_omega:.4g} sr"
-    last = settings.vpls * last_share(settings.levels, settings.q_n)
-    if last < FEW_LAST:
-        return note, f"flc: the last level gets {last:.1f} VPLs on average: far light is noisy; fewer levels or more VPLs"
-    return (note,)
 
 
 register(ForwardLightCuts)

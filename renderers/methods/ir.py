@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 SOFTWARE_DEVICES = ("llvmpipe", "softpipe", "swrast")
 CLAMP_SHARE = 0.01
 SOURCE = "Laurent 2018 §4.2"
+# Whether GL shaders have been compiled, as drivers do it in the first draw, for Worlds without and with textures.
+_COMPILED: set[bool] = set()
 
 
 class IrSettings(Settings):
@@ -161,15 +163,21 @@ def warm_up(world: World, settings: Any) -> None:
             compile_kernels()
         compile_gather(settings.visibility == "raycast", bool((world.materials.kind != LAMBERT).any()))
         return
-    from renderers.gl.gather import gather as gather_gl
-    from renderers.gl.gbuffer import render_gbuffer
+    from renderers.gl.upload import upload
 
-    light = np.zeros((1, 3), np.float32)
-    gather_gl(render_gbuffer(world, (1, 1)), world, light, light, light, 0.0)
+    upload(world)
+    textured = bool(world.textures)
+    if textured not in _COMPILED:
+        from renderers.gl.gather import gather as gather_gl
+        from renderers.gl.gbuffer import render_gbuffer
+
+        light = np.zeros((1, 3), np.float32)
+        gather_gl(render_gbuffer(world, (1, 1)), world, light, light, light, 0.0)
+        _COMPILED.add(textured)
     if settings.sampler == "resampled":
         from renderers.gl.resample import warm_up as compile_shaders
 
-        compile_shaders(world)
+        compile_shaders()
 
 
 def resampled(world: World, settings: Any, seed: int, watch: Stopwatch, draw: int = 0) -> Points | None:

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from renderers.transport.photons.map import PhotonMap
 
 SOURCE = "Jensen 1996"
+Stage = Literal["prepare", "render"]
 
 
 class PhotonSettings(Settings):
@@ -101,14 +102,16 @@ def warm_up(world: World) -> None:
     compile_kernels()
 
 
-def traced_map(world: World, settings: Any, seed: int, direct: bool, watch: Stopwatch, counters: Counter[str]) -> PhotonMap:
+def traced_map(
+    world: World, settings: Any, seed: int, direct: bool, watch: Stopwatch, counters: Counter[str], stage: Stage = "render"
+) -> PhotonMap:
     """Trace and build the map of `settings`; direct: with photons straight from the lights."""
     from renderers.transport.photons.map import photon_map
     from renderers.transport.photons.tracing import trace
 
-    with watch("photons"):
+    with watch("photons", stage):
         traced = trace(world, settings.photons, seed, direct, settings.most_stored, counters=counters)
-    with watch("tree"):
+    with watch("tree", stage):
         photons = photon_map(traced)
     counters["photon_bytes"] += photons.bytes
     return photons

@@ -3,8 +3,8 @@
     L(x, v) = L_e + L_direct + 1/M Σ_m f_r(ω_m, v) (n·ω_m) / p(ω_m) · ρ(y_m)/π E(y_m)
 
 E comes from the whole map (direct photons too), computed beforehand at one photon in four and taken from the nearest
-(Christensen 1999). The map's blur and noise are one reflection away from the eye; what is left is the noise of M rays. The dear way to use a photon
-map, and the reference for the cheap ones.
+(Christensen 1999). The map's blur and noise are one reflection away from the eye; what is left is the noise of M rays. The dear way
+to use a photon map, and the reference for the cheap ones.
 
 Passes: photons (trace), tree, irradiance (at the photons), gbuffer, direct, gather.
 

@@ -15,7 +15,8 @@ the records, and after the records every pixel is reached by one.
 | gradients     | true    |      |                               | extrapolate with gradients                                 |
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
 | r_max         | 2       | r    | 10⁻⁶ … 1000                   | largest R, in scene radii                                  |
-| placement     | bounded |      | split-sphere, bounded         | R from distances alone, or limited by the gradient as well |
+| footprint     | 1       | px   | 0 … 100                       | smallest reach a·R of a record, in pixels                  |
+| placement     | bounded |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
@@ -60,8 +61,13 @@ class RcsSettings(Settings):
     gradients: bool = setting(True, "extrapolate with rotation and translation gradients", source="Ward & Heckbert 1992")
     r_min: float = setting(0.03, "smallest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1)
     r_max: float = setting(2.0, "largest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1000)
-    placement: Literal["split-sphere", "bounded"] = setting(
-        "bounded", "R from distances alone, or limited by the gradient as well", source="Křivánek et al. 2005"
+    footprint: float = setting(
+        1.0, "smallest reach of a record, in pixels", unit="px", source="Tabellion & Lamorlette 2004", ge=0, le=100
+    )
+    placement: Literal["split-sphere", "bounded", "hessian"] = setting(
+        "bounded",
+        "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
+        source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
     neighbours: bool = setting(False, "neighbour clamping of R", source="Křivánek et al. 2006")
     order: Literal["batched", "sequential"] = setting(
@@ -99,7 +105,7 @@ class RadianceCacheSplatting(Method):
         from renderers.transport.primary import cast_gbuffer
 
         samplers = samplers_of(world, settings, context.seed, counters)
-        placement, records = placement_of(settings, context.seed), Records.empty()
+        placement, records = placement_of(world, context.size[1], settings, context.seed), Records.empty()
         layers = {name: np.zeros((context.size[1], context.size[0], 3)) for name in ("direct", "indirect")}
         k = settings.subpixels
         for index in range(k * k):
@@ -137,12 +143,20 @@ def samplers_of(world: World, settings: Any, seed: int, counters: Counter[str]) 
     return PolarSampler(world, grid_of(settings.rays), incoming, seed, counters=counters), pilot.distances
 
 
-def placement_of(settings: Any, seed: int) -> Placement:
-    """The settings as `caching.placement` takes them; radii in scene radii are World units."""
-    from renderers.transport.caching.limits import Limits
+def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
+    """The settings as `caching.placement` takes them, for images so high; radii in scene radii are World units."""
+    from renderers.transport.caching.limits import Footprint, Limits
     from renderers.transport.caching.placement import Placement
 
-    limits = Limits(min(settings.r_min, settings.r_max), settings.r_max, settings.placement == "bounded", settings.neighbours)
+    pixel = 2 * np.tan(world.camera.yfov / 2) / height
+    limits = Limits(
+        smallest=min(settings.r_min, settings.r_max),
+        largest=settings.r_max,
+        gradient=settings.placement == "bounded",
+        neighbours=settings.neighbours,
+        footprint=Footprint(world.camera.pose[:3, 3], settings.footprint * pixel / settings.a),
+        metric="hessian" if settings.placement == "hessian" else "split-sphere",
+    )
     return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed)
 
 

@@ -2,8 +2,8 @@
 
     Φ_p = ρ(y_p) · I(ω) dω        L(x) = L_e + L_direct + Σ_{p ∈ disc(x)} w_p · f_r ⟨n_x, l⟩⁺ ⟨n_p, -l⟩⁺ / max(ε_b, r²) · Φ_p / π
 
-Each light renders a map of positions, normals and reflected flux; a pixel looks up `samples` texels in a disc around its own place in
-the map, crowded at the centre, each weighted by the share of the disc that it stands for (weights = published: by the printed ξ²).
+Each light renders a map of positions, normals and reflected flux; a pixel looks up `samples` texels in a disc around its own place
+in the map, crowded at the centre, each weighted by the share of the disc that it stands for (weights = published: the printed ξ²).
 Without occlusion, as published; light of texels outside the disc is lost, so a wide enough disc (`radius` 0.5 for point and spot
 lights, 1 for area lights, 1.42 for directional ones) has the mean of `ir`. Passes: maps, gbuffer, direct, gather.
 

@@ -1,13 +1,13 @@
 """Screen-space directional occlusion (Ritschel, Grosch & Seidel 2009): what the camera sees blocks the sky and sends the bounce.
 
-    L(P) = L_e + L_lights + Σ_i f_r cos θ_i L_sky(ω_i) (1 - B_i) 2π/N                                          (directional occlusion)
-         + Σ_i f_r L_Q B_i cos θ_P cos θ_Q / max(ε, |PQ|²) · π r_max²/N                                       (one indirect bounce)
+    L(P) = L_e + L_lights + Σ_i f_r cos θ_i L_sky(ω_i) (1 - B_i) 2π/N                                    (directional occlusion)
+         + Σ_i f_r L_Q B_i cos θ_P cos θ_Q / max(ε, |PQ|²) · π r_max²/N                                 (one indirect bounce)
 
-N samples P + λ_i ω_i about each pixel, λ_i ≤ r_max; B_i = 1 where the surface Q seen in the sample's own pixel lies before it. Lamps and
-the sun are lit with their own shadows, as in the publication. Nothing off the screen or hidden blocks or sends light, and each sender
-is taken for π r_max²/N of surface whatever it is: colour bleeds from near and visible surfaces alone, and changes with the camera.
-ε is at least r_max²/N, so that a sender brings no more than a hemisphere of its radiance. Blocks of pixels share their samples through
-an edge-aware filter. Passes: gbuffer, direct (with the sky), bounce.
+N samples P + λ_i ω_i about each pixel, λ_i ≤ r_max; B_i = 1 where the surface Q seen in the sample's own pixel lies before it.
+Lamps and the sun are lit with their own shadows, as published. Nothing off the screen or hidden blocks or sends light, and each
+sender is taken for π r_max²/N of surface whatever it is: colour bleeds from near and visible surfaces alone, and changes with the
+camera. ε is at least r_max²/N, so that a sender brings no more than a hemisphere of its radiance. Blocks of pixels share samples
+through an edge-aware filter. Passes: gbuffer, direct (with the sky), bounce.
 
 | setting           | default          | unit | range               | meaning                                                      |
 | ----------------- | ---------------- | ---- | ------------------- | ------------------------------------------------------------ |
@@ -49,7 +49,9 @@ class SsdoSettings(OneBounceSettings):
 
     radius: float = setting(0.2, "r_max, farthest sample, in scene radii", unit="r", source=f"{PAPER} §3", gt=0, le=2)
     samples: int = setting(32, "N, samples per pixel", source=f"{PAPER} §3", ge=1, le=1024)
-    block: Literal[1, 2, 4, 8] = setting(4, "side of the blocks of pixels that share samples; 1: no filter", unit="px", source=PAPER)
+    block: Literal[1, 2, 4, 8] = setting(
+        4, "side of the blocks of pixels that share samples; 1: no filter", unit="px", source=PAPER
+    )
     bias: float = setting(0.05, "least sine of a blocker's height over the receiver's horizon", ge=0, le=1)
     sky_visibility: Literal["screen", "raycast"] = setting("screen", "shadows of the environment", source=f"{PAPER} §3")
 

@@ -147,6 +147,23 @@ class World:
         """Unit geometric normals, float64 (T, 3); zero-area triangles don't occur (`flatten` drops them)."""
         return np.asarray(self._cross / np.linalg.norm(self._cross, axis=-1, keepdims=True))
 
+    def areas_of(self, triangles: NDArray[np.integer]) -> F64:
+        """`areas[triangles]`, float64 (N,); see `normals_of`."""
+        if self._all_pay("areas", triangles):
+            return np.asarray(self.areas[triangles])
+        return np.asarray(np.linalg.norm(crosses(self.positions, self.triangles[triangles]), axis=-1) / 2)
+
+    def normals_of(self, triangles: NDArray[np.integer]) -> F64:
+        """`face_normals[triangles]`, float64 (N, 3), to the bit; where few are asked of a large World, only they are computed."""
+        if self._all_pay("face_normals", triangles):
+            return np.asarray(self.face_normals[triangles])
+        cross = crosses(self.positions, self.triangles[triangles])
+        return np.asarray(cross / np.linalg.norm(cross, axis=-1, keepdims=True))
+
+    def _all_pay(self, name: str, triangles: NDArray[np.integer]) -> bool:
+        """Whether the values of all triangles are there, or cost no more than those of some."""
+        return name in self.__dict__ or len(triangles) >= len(self.triangles)
+
     @cached_property
     def _cross(self) -> F64:
         return crosses(self.positions, self.triangles)

@@ -12,6 +12,7 @@ methods use ε_Ω = 1, so that the area of a level is the square of the distance
 | `DiscreteLevels` | κ = 1 … K           | C⁰ hats, or C⁻¹ steps between the middles of the areas | (4.18), (4.17)  |
 | `LinearLevels`   | ν in [0, K+1]       | the hats, interpolated linearly in ν                  | (4.45)          |
 | `RidgeLevels`    | ν ≥ 0, exponential  | a triangle around λ_D ln(1 + a/a_⋆)                    | (4.46) … (4.48) |
+| `RouletteLevels` | ν ≥ 0, exponential  | all a up to that of ν: least variance × cost          | `roulette`      |
 
 The last discrete level is unbounded, and so are the linear ones above K-1: bounding them would lose all far light.
 """
@@ -31,7 +32,7 @@ F32 = NDArray[np.float32]
 UNBOUNDED = 1e20
 STEEP = 1e24
 PARAMETERS = 12
-HAT, TWO_HATS, RIDGE = 0, 1, 2
+HAT, TWO_HATS, RIDGE, ROULETTE = 0, 1, 2, 3
 
 # Smallest sphere around the drop r = R √cos θ: its centre lies DROP_HEIGHT·R along the normal, its radius is DROP_WIDTH·R, which is
 # the drop's largest half-width, reached at that height.
@@ -63,6 +64,10 @@ class Family(ABC):
     @abstractmethod
     def second_moment(self, areas: ArrayLike) -> F64:
         """E[(s/μ)²] at coordinates a: the factor on the variance of one light that the draw of levels brings."""
+
+    def among(self, intensities: ArrayLike) -> Family:
+        """The law for lights of these intensities (L, 3): the same for all, where a family doesn't say otherwise."""
+        return self
 
     @abstractmethod
     def _support(self, marks: F64) -> F64:

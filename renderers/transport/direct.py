@@ -80,7 +80,7 @@ def receivers_of(world: World, gbuffer: GBuffer, rows: NDArray[np.intp]) -> Rece
     """Receivers of flat pixel indices (N,) that see a surface."""
     position = gbuffer.position.reshape(-1, 3)[rows].astype(np.float64)
     normal = gbuffer.normal.reshape(-1, 3)[rows].astype(np.float64)
-    return Receivers(position, normal, world.face_normals[gbuffer.triangle.ravel()[rows]])
+    return Receivers(position, normal, world.normals_of(gbuffer.triangle.ravel()[rows]))
 
 
 def emitted(world: World, gbuffer: GBuffer) -> NDArray[np.float32]:

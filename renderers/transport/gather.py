@@ -84,7 +84,7 @@ def pixels_of(gbuffer: GBuffer, world: World) -> Pixels:
     view = gbuffer.eye - position
     view /= np.maximum(np.linalg.norm(view, axis=1, keepdims=True), 1e-12)
     materials = materials_at(world.materials, gbuffer.material.ravel()[rows], gbuffer.base.reshape(-1, 3)[rows])
-    geometric = world.face_normals[gbuffer.triangle.ravel()[rows]].astype(np.float32)
+    geometric = world.normals_of(gbuffer.triangle.ravel()[rows]).astype(np.float32)
     return Pixels(position, gbuffer.normal.reshape(-1, 3)[rows], geometric, view, materials, rows)
 
 

@@ -45,6 +45,10 @@ class Lights:
         """Samples for receivers at position (N, 3) with shading normals (N, 3); shifts (N, 6) in [0, 1) move the Sobol' sets."""
         for light in self._world.lights:
             yield punctual(light, position)
+        yield from self.distributed(position, normal, shifts)
+
+    def distributed(self, position: F64, normal: F64, shifts: F64) -> Iterator[Incident]:
+        """The samples of emissive triangles and of the environment among `incident`."""
         if len(self._world.emissive):
             for point in self._sobol:
                 yield self._area(position, (point + shifts[:, :3]) % 1.0)
@@ -60,23 +64,23 @@ class Lights:
         return np.asarray(qmc.Sobol(3, scramble=False).random_base2(power)[: self.samples])
 
     @cached_property
-    def _emitters(self) -> tuple[F64, F64]:
-        """Probability of each emissive triangle ∝ area × luminance, and its density per area; (E,) each."""
+    def _emitters(self) -> tuple[F64, F64, F64]:
+        """Probability of each emissive triangle ∝ area × luminance, its density per area, (E,) each, and its normal (E, 3)."""
         world = self._world
-        area = world.areas[world.emissive]
+        area = world.areas_of(world.emissive)
         power = area * (world.materials.emission[world.material[world.emissive]].astype(np.float64) @ LUMA)
         probability = power / power.sum()
-        return probability, probability / area
+        return probability, probability / area, world.normals_of(world.emissive)
 
     def _area(self, position: F64, random: F64) -> Incident:
         world = self._world
-        probability, density = self._emitters
+        probability, density, normals = self._emitters
         chosen, u, v = fold(pick(probability, random[:, 0]), random[:, 1], random[:, 2])
         triangle = world.emissive[chosen]
         corners = world.positions[world.triangles[triangle]].astype(np.float64)
         point = corners[:, 0] + u[:, None] * (corners[:, 1] - corners[:, 0]) + v[:, None] * (corners[:, 2] - corners[:, 0])
         direction, distance = _towards(position, point)
-        cosine = -np.einsum("ij,ij->i", world.face_normals[triangle], direction)
+        cosine = -np.einsum("ij,ij->i", normals[chosen], direction)
         material = world.material[triangle]
         cosine = np.where(world.materials.emits_both[material], np.abs(cosine), np.maximum(cosine, 0))
         scale = cosine / (np.maximum(distance, 1e-12) ** 2 * density[chosen] * self.samples)

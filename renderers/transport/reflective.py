@@ -1,4 +1,4 @@
-"""Reflective shadow maps (Dachsbacher & Stamminger 2005): light of a map's texels at every pixel. Twin of `renderers.gl.reflective`.
+"""Reflective shadow maps (Dachsbacher & Stamminger 2005): light of a map's texels at every pixel. Twin of `gl.reflective`.
 
     L(x) = Σ_i w_i · f_r G_b(x, y_i) · Φ(y_i)/π          y_i: what the map holds in n directions of a disc around x's own
 

@@ -41,11 +41,10 @@ class Search(NamedTuple):
 def sample_pattern(count: int, side: int, seed: int) -> F32:
     """Uniform directions of the hemisphere about +Z and uniform shares of the radius, float32 (side², count, 4).
 
-    One scrambled Sobol' set of all places, so that what a block's pixels see together is as even as what each sees.
+    Aligned stretches of one scrambled Sobol' set: each place's samples are even, and so are those of the whole block.
     """
     numbers = uniform_numbers(count * side * side, 3, generator(seed, "screen space"), "low-discrepancy")
-    # Neighbours in the sequence go to different places: each place gets every side²-th point.
-    numbers = numbers.reshape(count, side * side, 3).transpose(1, 0, 2)
+    numbers = numbers.reshape(side * side, count, 3)
     z, azimuth = numbers[..., 0], 2 * np.pi * numbers[..., 1]
     sine = np.sqrt(1 - z**2)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z, numbers[..., 2]], axis=-1).astype(np.float32)

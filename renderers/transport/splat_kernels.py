@@ -14,9 +14,9 @@ import numba
 import numpy as np
 
 from renderers.scene.world import LAMBERT
-from renderers.transport.cuts import HAT, TWO_HATS
+from renderers.transport.cuts import HAT, RIDGE, TWO_HATS
 from renderers.transport.kernels import SAFE_R2, ZERO, shade
-from renderers.transport.supports import INNER, OUTER, bound_at, hat, misses, ridge
+from renderers.transport.supports import INNER, OUTER, bound_at, hat, misses, ridge, roulette
 from renderers.transport.tiles import AREA
 
 
@@ -44,8 +44,10 @@ def transfer(family, px, py, pz, nx, ny, nz, light, eps_b):  # type: ignore[no-u
         weighted = hat(cube, cy, s0, s1, s2, s3)
     elif family == TWO_HATS:
         weighted = hat(cube, cy, s0, s1, s2, s3) * s8 + hat(cube, cy, s4, s5, s6, s7) * s9
-    else:
+    elif family == RIDGE:
         weighted = ridge(cube, cy, s0, s1, s2)
+    else:
+        weighted = roulette(cube, cy, s0, s1)
     g = cx * weighted / (safe * max(eps_b, safe))
     return g if r2 > SAFE_R2 else ZERO
 

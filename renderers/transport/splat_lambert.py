@@ -15,12 +15,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderers.transport.cuts import HAT, PARAMETERS, RIDGE, TWO_HATS
+from renderers.transport.cuts import HAT, PARAMETERS, RIDGE, ROULETTE, TWO_HATS
 from renderers.transport.kernels import ONE, SAFE_R2, ZERO
-from renderers.transport.supports import INNER, OUTER, SHAPE, bound_at, hat, inverse_root, misses, ridge
+from renderers.transport.supports import INNER, OUTER, SHAPE, bound_at, hat, inverse_root, misses, ridge, roulette
 from renderers.transport.tiles import AREA
 
 ROWS = 9 + PARAMETERS
+SHAPES = (4, 10, 3, 2)  # numbers that the shape of a support takes, by family
 PART = 8192  # lights collected for a block at a time
 CHUNK = 512  # lights tested against a tile at a time
 LIST = 1536  # lights collected for a tile at most
@@ -69,7 +70,9 @@ def _weighted(family, cube, c, q, j):  # type: ignore[no-untyped-def]
     if family == TWO_HATS:
         first = hat(cube, c, q[s, j], q[s + 1, j], q[s + 2, j], q[s + 3, j])
         return first * q[s + 8, j] + hat(cube, c, q[s + 4, j], q[s + 5, j], q[s + 6, j], q[s + 7, j]) * q[s + 9, j]
-    return ridge(cube, c, q[s, j], q[s + 1, j], q[s + 2, j])
+    if family == RIDGE:
+        return ridge(cube, c, q[s, j], q[s + 1, j], q[s + 2, j])
+    return roulette(cube, c, q[s, j], q[s + 1, j])
 
 
 @numba.njit(inline="always")
@@ -109,7 +112,9 @@ def _flush(family, here, q, n, inverse_bound, sums):  # type: ignore[no-untyped-
         return _add(HAT, here, q, count, inverse_bound, sums)
     if family == TWO_HATS:
         return _add(TWO_HATS, here, q, count, inverse_bound, sums)
-    return _add(RIDGE, here, q, count, inverse_bound, sums)
+    if family == RIDGE:
+        return _add(RIDGE, here, q, count, inverse_bound, sums)
+    return _add(ROULETTE, here, q, count, inverse_bound, sums)
 
 
 @numba.njit(parallel=True, fastmath=True, error_model="numpy", cache=True)
@@ -119,7 +124,7 @@ def splat_lambert(family, receivers, first, tile_bounds, block_bounds, lights, t
     lights: `packed`, total of them.
     """
     inverse_bound = ONE / max(eps_b, SAFE_R2)
-    shape = 4 if family == HAT else (10 if family == TWO_HATS else 3)
+    shape = SHAPES[family]
     for b in numba.prange(len(first) - 1):
         near = np.empty(ROWS * PART, np.float32)
         q = np.zeros((9 + shape, LIST), np.float32)

@@ -17,6 +17,7 @@ from renderers.transport.kernels import ONE, ZERO
 
 FLAT = np.float32(1e-12)
 LN2 = np.float32(np.log(2))
+LEAST = np.float32(1e-30)
 HALF, THREE_HALVES, THREE_EIGHTHS = np.float32(0.5), np.float32(1.5), np.float32(0.375)
 INNER, OUTER, SHAPE = 9, 10, 11
 # A receiver sees a light n·v above its own plane. Three products of coordinates of size 1 carry errors of about 1e-7 each: under
@@ -68,6 +69,16 @@ def ridge(cube, c, nu, scale, inverse):  # type: ignore[no-untyped-def]
     width = max(min(mid, ONE), FLAT)
     height = max(ZERO, nu - mid + width if nu < mid else (mid + ONE - nu) * width)
     return c * height / (width * min(ONE, (mid + ONE) * HALF))
+
+
+@numba.njit(inline="always")
+def roulette(cube, c, number, inverse):  # type: ignore[no-untyped-def]
+    """c · W(u, α), u = number, x = α · inverse (`cuts.RouletteLevels`). At grazing angles α is cut short as in `ridge`."""
+    x = cube / max(c, FLAT) * inverse
+    kept = max(ZERO, min(ONE, THREE_HALVES - number * x))
+    near = min(x, THREE_HALVES)
+    flank = max(ZERO, near - HALF)
+    return c * x * kept / max(near - HALF * flank * flank, LEAST)
 
 
 @numba.njit(inline="always")

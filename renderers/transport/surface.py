@@ -37,7 +37,7 @@ def surface_at(world: World, triangle: ArrayLike, u: ArrayLike, v: ArrayLike) ->
         return np.asarray(np.einsum("nk,nkc->nc", weights, attribute[corners].astype(np.float64)))
 
     material = world.material[index]
-    geometric = world.face_normals[index]
+    geometric = world.normals_of(index)
     normal = mixed(world.normals)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal = np.where(

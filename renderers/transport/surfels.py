@@ -73,9 +73,7 @@ def _quarters(corners: F64) -> F64:
     return np.stack(parts, axis=1).reshape(-1, 3, 2)
 
 
-def lit_surfels(
-    world: World, pieces: Pieces, light_samples: int = 16, seed: int = 0, counters: Counter[str] | None = None
-) -> Vpls:
+def lit_surfels(world: World, pieces: Pieces, light_samples: int = 16, seed: int = 0, counters: Counter[str] | None = None) -> Vpls:
     """The lit sides of pieces as virtual lights. counters: `surfels`, `surfels_lit` and `rays` are added to."""
     surface, count = surface_at(world, *pieces.points), len(pieces.area)
     albedo = surface.base
@@ -106,7 +104,7 @@ def splat_surfels(
     lights = np.ascontiguousarray(np.concatenate([surfels.positions, surfels.normals, surfels.intensities], axis=1))
     total, work = np.zeros((len(pixels.rows), 3)), np.zeros((len(tiles.pixel), 2), np.int64)
     _splat(
-        tiles.pixel, tiles.tile_balls, pixels.position, pixels.normal, pixels.view, *pixels.materials, lights,
+        tiles.pixel, tiles.tile_bounds, pixels.position, pixels.normal, pixels.view, *pixels.materials, lights,
         np.float32(radius), np.float32(eps_b), total, work,
     )  # fmt: skip
     if counters is not None:

@@ -8,6 +8,12 @@ Cells j = 0 … M-1 (from the pole), k = 0 … N-1 of equal projected solid angl
          + Σ_k v̂_k⁻ Σ_j (sin θ_j⁺ - sin θ_j⁻) (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1})            Ward & Heckbert 1992
     ∇_rE = Σ_k v̂_k Σ_j L_jk 2π/N ½ [θ - sin θ cos θ]                                               argument n_k × n
     R    = MN / Σ 1/r                                                                              Ward 1988
+    H    = Σ_jk û_k û_kᵀ 2π/N 4 sin² θ_j⁻ cos² θ_j⁻ (L_jk - L_{j-1,k}) / min(r_jk, r_{j-1,k})²
+         + Σ_jk (û_k⁻ v̂_k⁻ᵀ + v̂_k⁻ û_k⁻ᵀ) 1/M (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1})²
+
+H is the occlusion-aware Hessian of the irradiance (Schwarzhaupt, Wann Jensen & Jarosz 2012) in the tangent plane: an edge r(s) that
+stays where it is while the observer moves by δ sweeps the cosine-weighted solid angle ∫∫ (n·r) δ·(r × r') / |r - tδ|⁴ ds dt, t from
+0 to 1. Its first order is ∇_tE, its second 2 ∫ (n·r) δ·(r × r') (r·δ) / |r|⁶ ds; the sums above are these for the arcs between cells.
 
 The nearer of two surfaces decides how fast the edge between them moves, hence the minimum. The bracket integrates tan θ exactly
 over a ring, where the usual sum of tan θ_j at cell centres loses up to 14 % in the outermost one.
@@ -22,22 +28,25 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from renderers.images import LUMA
+
 F64 = NDArray[np.float64]
 
 
 class PolarTables(NamedTuple):
-    """Constants of an M × N grid. along, across, turn (M,): see `polar_tables`. centre, edge (N, 2): cos and sin of azimuths."""
+    """Constants of an M × N grid. along, across, turn, bend (M,): see `polar_tables`. centre, edge (N, 2): cos, sin of azimuths."""
 
     along: F64
     across: F64
     turn: F64
+    bend: F64
     centre: F64
     edge: F64
 
 
 @lru_cache(maxsize=32)
 def polar_tables(rings: int, sectors: int) -> PolarTables:
-    """along: 2π/N sin θ⁻ cos² θ⁻; across: sin θ⁺ - sin θ⁻; turn: 2π/N ½ [θ - sin θ cos θ] over the ring."""
+    """along: 2π/N sin θ⁻ cos² θ⁻; across: sin θ⁺ - sin θ⁻; turn: 2π/N ½ [θ - sin θ cos θ]; bend: 2π/N 4 sin² θ⁻ cos² θ⁻."""
     sine = np.sqrt(np.arange(rings + 1) / rings)
     theta = np.arcsin(sine)
     swept = (theta - sine * np.cos(theta)) / 2
@@ -48,50 +57,71 @@ def polar_tables(rings: int, sectors: int) -> PolarTables:
         along=step * lower * (1 - lower**2),
         across=np.diff(sine),
         turn=step * np.diff(swept),
+        bend=step * 4 * lower**2 * (1 - lower**2),
         centre=np.stack([np.cos(phi + step / 2), np.sin(phi + step / 2)], axis=1),
         edge=np.stack([np.cos(phi), np.sin(phi)], axis=1),
     )
 
 
 class Moments(NamedTuple):
-    """Of K hemispheres, in their frames: irradiance (K, 3), translation and rotation (K, 3, 2) [channel, tangent], radius (K,)."""
+    """Of K hemispheres, in their frames: irradiance (K, 3), translation and rotation (K, 3, 2) [channel, tangent], radius (K,);
+    hessian (K, 3): elements xx, xy, yy of the Hessian of the luminance of the irradiance."""
 
     irradiance: F64
     translation: F64
     rotation: F64
     radius: F64
+    hessian: F64
+
+    @property
+    def curvature(self) -> F64:
+        """Largest eigenvalue of the Hessian, in magnitude, over the luminance of the irradiance; 0 in the dark: (K,)."""
+        xx, xy, yy = self.hessian.T
+        largest = np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
+        bright = self.irradiance @ LUMA
+        return np.where(bright > 0, largest / np.where(bright > 0, bright, 1), 0)
 
 
 def polar_moments(radiance: NDArray[np.floating], nearness: NDArray[np.floating]) -> Moments:
     """Moments of hemispheres with radiance (K, M, N, 3) and nearness 1/r (K, M, N), 0 where nothing is hit (R = ∞ if nowhere)."""
     count, rings, sectors = nearness.shape
-    out = Moments(np.zeros((count, 3)), np.zeros((count, 3, 2)), np.zeros((count, 3, 2)), np.full(count, np.inf))
+    out = Moments(np.zeros((count, 3)), np.zeros((count, 3, 2)), np.zeros((count, 3, 2)), np.full(count, np.inf), np.zeros((count, 3)))
     _polar(radiance, nearness, *polar_tables(rings, sectors), *out)
     return out
 
 
 @numba.njit(nogil=True, cache=True)
-def _polar(radiance, nearness, along, across, turn, centre, edge, irradiance, translation, rotation, radius):  # type: ignore[no-untyped-def]
+def _polar(radiance, nearness, along, across, turn, bend, centre, edge, irradiance, translation, rotation, radius, hessian):  # type: ignore[no-untyped-def]
     count, rings, sectors = nearness.shape
     for record in range(count):
         light, near = radiance[record], nearness[record]
         total = 0.0
         for k in range(sectors):
             before = k - 1 if k else sectors - 1
+            bent, sheared = 0.0, 0.0
             for c in range(3):
-                outward, sideways, turned, sum_e = 0.0, 0.0, 0.0, 0.0
+                outward, sideways, turned, sum_e, bent_c, sheared_c = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 for j in range(rings):
                     here = light[j, k, c]
                     sum_e += here
                     turned += turn[j] * here
                     if j:
-                        outward += along[j] * max(near[j, k], near[j - 1, k]) * (here - light[j - 1, k, c])
-                    sideways += across[j] * max(near[j, k], near[j, before]) * (here - light[j, before, c])
+                        step = max(near[j, k], near[j - 1, k]) * (here - light[j - 1, k, c])
+                        outward += along[j] * step
+                        bent_c += bend[j] * max(near[j, k], near[j - 1, k]) * step
+                    step = max(near[j, k], near[j, before]) * (here - light[j, before, c])
+                    sideways += across[j] * step
+                    sheared_c += max(near[j, k], near[j, before]) * step
+                bent += LUMA[c] * bent_c
+                sheared += LUMA[c] * sheared_c / rings
                 irradiance[record, c] += sum_e
                 translation[record, c, 0] += outward * centre[k, 0] - sideways * edge[k, 1]
                 translation[record, c, 1] += outward * centre[k, 1] + sideways * edge[k, 0]
                 rotation[record, c, 0] -= turned * centre[k, 1]
                 rotation[record, c, 1] += turned * centre[k, 0]
+            hessian[record, 0] += bent * centre[k, 0] ** 2 - 2 * sheared * edge[k, 0] * edge[k, 1]
+            hessian[record, 1] += bent * centre[k, 0] * centre[k, 1] + sheared * (edge[k, 0] ** 2 - edge[k, 1] ** 2)
+            hessian[record, 2] += bent * centre[k, 1] ** 2 + 2 * sheared * edge[k, 0] * edge[k, 1]
             for j in range(rings):
                 total += near[j, k]
         for c in range(3):

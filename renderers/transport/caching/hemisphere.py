@@ -110,8 +110,9 @@ class PolarSampler:
         return np.stack([generator(self._seed, f"record {first + k}").random(8) for k in range(count)])
 
     def _light_numbers(self, seen: Seen, random: F64) -> F64:
-        record, cell = np.divmod(seen.ray, self.grid.cells)
-        return np.asarray((self._lattice[cell] + random[record, :6]) % 1.0)
+        numbers = np.empty((len(seen.ray), 6))
+        _shifted(seen.ray, self._lattice, random, numbers)
+        return numbers
 
     def _rays(self, sites: Sites, tangents: F64, random: F64) -> tuple[F32, F32]:
         shape = len(sites.position) * self.grid.cells, 3
@@ -130,6 +131,7 @@ def records_of(sites: Sites, tangents: F64, moments: Moments) -> Records:
         irradiance=moments.irradiance,
         translation=moments.translation @ tangents,
         rotation=moments.rotation @ tangents,
+        curvature=moments.curvature,
     )
 
 
@@ -143,6 +145,16 @@ def _mixed(key, counter):  # type: ignore[no-untyped-def]
     x = np.uint32(x * np.uint32(0x846CA68B))
     x ^= x >> np.uint32(16)
     return x * (1.0 / 4294967296.0)
+
+
+@numba.njit(nogil=True, cache=True)
+def _shifted(ray, lattice, random, numbers):  # type: ignore[no-untyped-def]
+    """numbers (S, 6): the lattice point of each hit's cell, moved by the numbers of its record, modulo 1."""
+    for s in range(len(ray)):
+        record, cell = ray[s] // len(lattice), ray[s] % len(lattice)
+        for d in range(6):
+            moved = lattice[cell, d] + random[record, d]
+            numbers[s, d] = moved - 1 if moved >= 1 else moved
 
 
 @numba.njit(nogil=True, cache=True)

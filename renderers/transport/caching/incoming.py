@@ -7,14 +7,15 @@ hits make one record; the samples of a hemisphere are a lattice moved at random,
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.scene.world import LAMBERT, World
-from renderers.transport.incident import Lights
+from renderers.scene.world import LAMBERT, World, WorldLight
+from renderers.transport.incident import Incident, Lights
 from renderers.transport.kernels import shade
 from renderers.transport.raycast import FAR, OFFSET, Hits, RayCaster, caster_of
 from renderers.transport.surface import base_color
@@ -65,6 +66,7 @@ class ReflectedDirectLight:
         table = world.materials
         columns = (a.astype(np.float64) for a in (table.specular, table.exponent, table.metallic, table.alpha))
         self._materials = table.kind, *columns
+        self._punctual = [_described(light) for light in world.lights]
 
     def __call__(self, seen: Seen, random: F64) -> tuple[F32, int]:
         """See `Incoming`."""
@@ -72,12 +74,36 @@ class ReflectedDirectLight:
         radiance = np.zeros((count, 3), np.float32)
         value, origin, aim = (np.empty((count, 3), np.float32) for _ in range(3))
         index, reach = np.empty(count, np.int64), np.empty(count, np.float32)
-        for sample in self._lights.incident(seen.position, seen.normal, random):
+        for sample in self._samples(seen, random):
             n = _lit(seen, self._materials, sample, OFFSET, FAR, (index, value, origin, aim, reach))
             blocked = self._caster.occluded_unthreaded(origin[:n], aim[:n], reach[:n])
             _add_visible(index[:n], value[:n], blocked, radiance)
             rays += n
         return radiance, rays
+
+    def _samples(self, seen: Seen, random: F64) -> Iterator[Incident]:
+        for light in self._punctual:
+            sample = Incident(np.empty_like(seen.position), np.empty_like(seen.position), np.empty(len(seen.ray)))
+            _from_punctual(light, seen.position, sample)
+            yield sample
+        yield from self._lights.distributed(seen.position, seen.normal, random)
+
+
+class Punctual(NamedTuple):
+    """A `WorldLight` as kernels read it."""
+
+    directional: bool
+    spot: bool
+    position: F64
+    direction: F64
+    intensity: F64
+    cos_inner: float
+    cos_outer: float
+
+
+def _described(light: WorldLight) -> Punctual:
+    vectors = (np.asarray(a, np.float64) for a in (light.position, light.direction, light.intensity))
+    return Punctual(light.kind == "directional", light.kind == "spot", *vectors, float(light.cos_inner), float(light.cos_outer))
 
 
 @numba.njit(nogil=True, cache=True)
@@ -106,6 +132,32 @@ def _surfaces(seen, uv, hits, direction, geometry):  # type: ignore[no-untyped-d
                 seen.normal[s, x] = -seen.normal[s, x]
         for x in range(2):
             uv[s, x] = first * uvs[a, x] + second * uvs[b, x] + third * uvs[c, x]
+
+
+@numba.njit(nogil=True, cache=True)
+def _from_punctual(light, position, out):  # type: ignore[no-untyped-def]
+    """`incident.punctual` for points (S, 3): fills an `Incident`."""
+    width = max(light.cos_inner - light.cos_outer, 1e-6)
+    for s in range(len(position)):
+        square, scale = 0.0, 1.0
+        for c in range(3):
+            out.direction[s, c] = -light.direction[c] if light.directional else light.position[c] - position[s, c]
+            square += out.direction[s, c] ** 2
+        distance = max(np.sqrt(square), 1e-12)
+        if light.directional:
+            out.distance[s] = np.inf
+        else:
+            out.distance[s] = distance
+            scale = 1 / distance**2
+            for c in range(3):
+                out.direction[s, c] /= distance
+        if light.spot:
+            cosine = 0.0
+            for c in range(3):
+                cosine -= out.direction[s, c] * light.direction[c]
+            scale *= min(max((cosine - light.cos_outer) / width, 0.0), 1.0) ** 2
+        for c in range(3):
+            out.weight[s, c] = light.intensity[c] * scale
 
 
 @numba.njit(inline="always")

@@ -1,15 +1,21 @@
-"""Limits of a record's radius, applied in this order (Křivánek et al. 2005; Tabellion & Lamorlette 2004).
+"""How large a record's radius is. It starts from one of two measures,
+
+split-sphere   R = harmonic mean distance                                                          Ward 1988
+hessian        R = (4 / (π |λ| / E))^¼, λ the largest eigenvalue of the irradiance's Hessian       Schwarzhaupt et al. 2012
+
+the second such that the second-order error, integrated over a zone of radius a·R, is a⁴ times the irradiance whatever the record:
+∫ ½ λ r² dA = π λ (aR)⁴ / 4. Then come limits, in this order (Křivánek et al. 2005; Tabellion & Lamorlette 2004):
 
 1  R ← min(R, min_c E_c / |∇_t E_c|)              extrapolation may not double the irradiance over the radius
 2  R ← min(R, min_l R_l + |p - p_l|)              neighbour clamping: what a neighbour sees near is near here too
-3  R ← clamp(R, R_min, R_max)
+3  R ← clamp(R, R_min, R_max)                     R_min a constant, or larger: so many pixels of the image
 4  ∇_tE ← ∇_tE · R_0 / R_min                      where 3 enlarged R from R_0 (before 3) to R_min
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numba
 import numpy as np
@@ -17,30 +23,51 @@ from numpy.typing import NDArray
 
 from renderers.transport.caching.records import Float, Records
 
+Metric = Literal["split-sphere", "hessian"]
 NEGLIGIBLE = 1e-6
 
 
 @dataclass(frozen=True)
+class Footprint:
+    """A smallest radius that grows with the distance from the eye (3,): `ratio` times that distance."""
+
+    eye: NDArray[np.float64]
+    ratio: float
+
+    def radius(self, position: Float) -> Float:
+        """At positions (N, 3): (N,)."""
+        return np.asarray(self.ratio * np.linalg.norm(position - self.eye, axis=1))
+
+
+@dataclass(frozen=True)
 class Limits:
-    """smallest, largest: R_min and R_max in World units, 0 < R_min ≤ R_max. gradient: rule 1. neighbours: rule 2."""
+    """smallest, largest: R_min and R_max in World units, 0 < R_min ≤ R_max; footprint: R_min is at least that. gradient: rule 1.
+    neighbours: rule 2. metric: what R starts from."""
 
     smallest: float = 0.03
     largest: float = 2.0
     gradient: bool = True
     neighbours: bool = False
+    footprint: Footprint | None = None
+    metric: Metric = "split-sphere"
 
     def __post_init__(self) -> None:
         if not 0 < self.smallest <= self.largest < np.inf:
             raise ValueError(f"radii need 0 < smallest <= largest < inf, got {self.smallest} and {self.largest}")
 
-    def clamped(self, radius: Float) -> Float:
-        """Rule 3."""
-        return np.asarray(np.clip(radius, self.smallest, self.largest))
+    def lower(self, position: Float) -> Float:
+        """R_min at positions (N, 3): (N,)."""
+        smallest = np.full(len(position), self.smallest)
+        return smallest if self.footprint is None else np.clip(self.footprint.radius(position), self.smallest, self.largest)
+
+    def clamped(self, radius: Float, position: Float) -> Float:
+        """Rule 3, (N,) at (N, 3)."""
+        return np.asarray(np.clip(radius, self.lower(position), self.largest))
 
 
 def limited(records: Records, limits: Limits, others: Records | None = None) -> Records:
     """Records with rules 1 to 4 applied. others: records that are there already, whose radii rule 2 respects (as given)."""
-    radius = records.radius
+    radius = records.radius if limits.metric == "split-sphere" else hessian_radius(records)
     if limits.gradient:
         radius = np.minimum(radius, gradient_limit(records))
     if limits.neighbours:
@@ -48,10 +75,17 @@ def limited(records: Records, limits: Limits, others: Records | None = None) -> 
         if others is not None and len(others):
             positions, radii = np.concatenate([positions, others.position]), np.concatenate([radii, others.radius])
         radius = _neighbour_limit(records.position, radius, positions, np.where(np.isinf(radii), limits.largest, radii))
-    clamped = limits.clamped(radius)
-    shrink = np.minimum(radius / clamped, 1.0) if len(records) else radius
-    shrink = np.where(radius < limits.smallest, shrink, 1.0)
+    clamped = limits.clamped(radius, records.position)
+    shrink = np.minimum(radius / clamped, 1.0)
     return replace(records, radius=clamped.astype(records.radius.dtype), translation=records.translation * shrink[:, None, None])
+
+
+def hessian_radius(records: Records) -> NDArray[np.floating[Any]]:
+    """R of the Hessian's error bound, (K,): ∞ where the irradiance is not curved. Raises ValueError where the records don't know."""
+    if records.curvature is None:
+        raise ValueError("these records carry no curvature")
+    curved = records.curvature > 0
+    return np.asarray(np.where(curved, (4 / (np.pi * np.where(curved, records.curvature, 1))) ** 0.25, np.inf))
 
 
 def gradient_limit(records: Records) -> NDArray[np.floating[Any]]:

@@ -3,7 +3,8 @@
 batched     Misses are found for the whole image, thinned, and all records of a round are computed together. Thinning walks the
             misses in an order drawn at random, with each one's harmonic mean distance known from a few rays: it accepts one and
             passes over those inside its zone, as dart throwing does, which spreads the accepted ones like blue noise. Few rounds
-            are needed, since only pixels where the zone turned out smaller than foreseen are left.
+            are needed, since only pixels where the zone turned out smaller than foreseen are left. No few rays tell the radius of
+            the `hessian` metric: there each round foresees a common radius, 1/√2 of the one before.
 sequential  One record at a time, at the first miss in the order of the pixels (Gautron 2006, algorithm 4).
 """
 
@@ -24,6 +25,7 @@ from renderers.transport.sampling import generator
 
 Order = Literal["batched", "sequential"]
 FIRST_SHARE, GROWTH = 1 / 1024, 4
+DESCENT = 2**-0.5
 UNLIMITED = 1 << 62
 
 
@@ -60,29 +62,41 @@ def fill(
     most so many new records; some pixels may then stay without.
     """
     records = Records.empty() if records is None else records
-    left = UNLIMITED if most is None else most
-    step = _batch if placement.order == "batched" else _next
+    left, rounds = UNLIMITED if most is None else most, 0
     while left > 0:
-        chosen = step(canvas, sites, distances, placement, left, len(records))
-        if not len(chosen):
+        chosen = _chosen(canvas, sites, distances, placement, left, len(records), rounds)
+        left, rounds = left - len(chosen), rounds + 1
+        if len(chosen):
+            new = limited(compute(sites.rows(chosen), len(records)), placement.limits, records)
+            canvas.add(new, placement.a, placement.weight, placement.gradients)
+            records = Records.joined([records, new])
+        elif not canvas.missed.any():
             break
-        new = limited(compute(sites.rows(chosen), len(records)), placement.limits, records)
-        canvas.add(new, placement.a, placement.weight, placement.gradients)
-        records = Records.joined([records, new])
-        left -= len(chosen)
     return records
 
 
-def _next(
-    canvas: Canvas, sites: Sites, distances: Callable[[Sites], NDArray[np.float64]], placement: Placement, most: int, placed: int
+def _chosen(
+    canvas: Canvas,
+    sites: Sites,
+    distances: Callable[[Sites], NDArray[np.float64]],
+    placement: Placement,
+    most: int,
+    placed: int,
+    rounds: int,
 ) -> NDArray[np.int64]:
-    return np.flatnonzero(canvas.missed)[:1]
+    """Pixels for the records of one round."""
+    if placement.order == "sequential":
+        return np.flatnonzero(canvas.missed)[:1]
+    if placement.limits.metric == "split-sphere":
+        return _batch(canvas, sites, distances, placement, most, placed)
+    common = placement.limits.largest * DESCENT**rounds
+    return _batch(canvas, sites, lambda part: np.full(len(part.position), common), placement, most, placed)
 
 
 def _batch(
     canvas: Canvas, sites: Sites, distances: Callable[[Sites], NDArray[np.float64]], placement: Placement, most: int, placed: int
 ) -> NDArray[np.int64]:
-    """Pixels for the records of one round. Estimates are made for growing parts of the misses, and only where still needed."""
+    """Misses, thinned. Estimates are made for growing parts of the misses, and only where still needed."""
     covered = ~canvas.missed
     misses = generator(placement.seed, f"misses after {placed}").permutation(np.flatnonzero(~covered))
     chosen: list[NDArray[np.int64]] = []
@@ -91,7 +105,7 @@ def _batch(
         part = misses[start : start + size]
         part = part[~covered[part]]
         if len(part):
-            radius = placement.limits.clamped(distances(sites.rows(part)))
+            radius = placement.limits.clamped(distances(sites.rows(part)), sites.position[part])
             chosen.append(canvas.thinned(part, radius, placement.a, placement.weight, covered, most))
             most -= len(chosen[-1])
         start, size = start + size, size * GROWTH

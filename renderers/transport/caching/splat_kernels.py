@@ -17,7 +17,7 @@ HALF = 1 / np.sqrt(2)
 
 @numba.njit(inline="always")
 def misses(ball, position, normal, radius, a):  # type: ignore[no-untyped-def]
-    """Whether no point of a ball (8,), of positions and normals, lies in a record's zone. Written for the widest zone (`tent`)."""
+    """Whether no point within a bound (balls around positions and normals) lies in a record's zone. Written for the widest zone (`tent`)."""
     apart = np.sqrt((ball[0] - position[0]) ** 2 + (ball[1] - position[1]) ** 2 + (ball[2] - position[2]) ** 2) - ball[3]
     if apart > a * radius:
         return True
@@ -60,10 +60,10 @@ def splat_records(points, normals, tiles, records, a, kind, gradients, sums, wor
         tested, touched = 0, 0
         for k in range(len(records.position)):
             position, normal, radius = records.position[k], records.normal[k], records.radius[k]
-            if misses(tiles.block_balls[b], position, normal, radius, a):
+            if misses(tiles.block_bounds[b], position, normal, radius, a):
                 continue
             for t in range(tiles.first[b], tiles.first[b + 1]):
-                if misses(tiles.tile_balls[t], position, normal, radius, a):
+                if misses(tiles.tile_bounds[t], position, normal, radius, a):
                     continue
                 for i in tiles.pixel[t]:
                     if i < 0:
@@ -98,10 +98,10 @@ def accept(points, normals, tiles, candidates, radius, a, kind, covered, accepte
 @numba.njit(nogil=True, cache=True)
 def _cover(points, normals, tiles, position, normal, radius, a, kind, covered):  # type: ignore[no-untyped-def]
     for b in range(len(tiles.first) - 1):
-        if misses(tiles.block_balls[b], position, normal, radius, a):
+        if misses(tiles.block_bounds[b], position, normal, radius, a):
             continue
         for t in range(tiles.first[b], tiles.first[b + 1]):
-            if misses(tiles.tile_balls[t], position, normal, radius, a):
+            if misses(tiles.tile_bounds[t], position, normal, radius, a):
                 continue
             for i in tiles.pixel[t]:
                 if i >= 0 and not covered[i]:

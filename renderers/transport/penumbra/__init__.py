@@ -7,6 +7,7 @@ depth       shadow maps: depth of the first surface at texel centres, with the b
 walk        a pyramid's ray through a shadow map: depths at which it enters and leaves shadow
 lockstep    the same for all rays of a row at a time, where the map's grid fits the pyramid's
 assemble    events of all shadow maps to attenuation functions, in slabs under a memory bound
+reduce      events of a pixel to its function
 compress    few line segments for many steps, with a proven bound
 functions   the packed functions: lookup, files
 lookup      numba kernels that evaluate them

@@ -1,8 +1,5 @@
 """Events of all shadow maps, summed up to one attenuation function per pixel, in slabs of rows under a memory bound.
 
-Within a pixel events are sorted by depth; all that lie within `merge` of the first of a group change V at once, at the last depth
-of the group (an exit and an entry at one depth never leave [0, 1] in between). V is the running sum over N.
-
 Where the maps of all light points fit the bound, they are made once and every tile is finished at once: only few rows' events
 exist. Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Tiles of rows are independent and
 taken by the first free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
@@ -16,16 +13,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from renderers.transport.penumbra.cameras import DU, DV
-from renderers.transport.penumbra.compress import NONE, PERPENDICULAR, VERTICAL, compress, fitted
+from renderers.transport.penumbra.compress import NONE, PERPENDICULAR, VERTICAL
 from renderers.transport.penumbra.functions import PenumbraMap
 from renderers.transport.penumbra.lockstep import Grid, interleaved, tile_events
 from renderers.transport.penumbra.pyramid import Pyramid
-from renderers.transport.penumbra.walk import row_events
+from renderers.transport.penumbra.reduce import compress_row, reduce_tile
+from renderers.transport.penumbra.walk import bounds_of, row_events
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
@@ -66,6 +63,14 @@ class _Events(NamedTuple):
     z: F32
     sign: NDArray[np.int8]
     steps: int
+
+
+class _Maps(NamedTuple):
+    """Depths (N, h, w) with the bounds of their blocks; or rearranged for the lockstep, without."""
+
+    depth: F32
+    low: F32 | None = None
+    high: F32 | None = None
 
 
 class _Tile(NamedTuple):
@@ -123,6 +128,22 @@ def assemble(
     return packed
 
 
+def recompressed(made: PenumbraMap, how: Construction) -> PenumbraMap:
+    """An uncompressed map with the compression and budget of `how`, as if it had been built with them."""
+    width = made.pyramid.width
+    rows = [range(k * width, (k + 1) * width) for k in range(made.pyramid.height)]
+    scale = _kappa(made.pyramid, how) / (made.pyramid.far - made.pyramid.near)
+    method = METHODS[how.compression]
+
+    def one(row: range) -> tuple[NDArray[np.int64], F32, F32]:
+        start = made.start[row.start : row.stop + 1]
+        return compress_row(start, made.depth, made.value, method, how.epsilon, scale, how.budget)  # type: ignore[no-any-return]
+
+    counts, depth, value = (np.concatenate(column) for column in zip(*in_threads(one, rows), strict=True))
+    start = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    return PenumbraMap(made.pyramid, made.samples, made.texel, start, depth, value)
+
+
 @dataclass(frozen=True)
 class _Walk:
     """Shadow maps as one of the walks wants them, and the events that it finds in them."""
@@ -132,26 +153,28 @@ class _Walk:
     how: Construction
     grid: Grid | None
 
-    def maps(self, cameras: F64) -> F32:
+    def maps(self, cameras: F64) -> _Maps:
         """Shadow maps of `cameras`; a few at a time are rearranged, so that they never exist twice."""
-        if self.grid is None or self.grid.fine == 1:
-            return self.make_maps(cameras)
+        if self.grid is None:
+            made = self.make_maps(cameras)
+            return _Maps(made, *bounds_of(made))
+        if self.grid.fine == 1:
+            return _Maps(self.make_maps(cameras)[:, :, None])
         parts = chunks(len(cameras), REARRANGED)
         h, w = self.grid.shape
         out = np.empty((len(cameras), h, self.grid.fine, w // self.grid.fine), np.float32)
         for part in parts:
             out[part] = interleaved(self.make_maps(cameras[part]), self.grid)
-        return out
+        return _Maps(out)
 
-    def events(self, cameras: F64, maps: F32, rows: range) -> _Events:
+    def events(self, cameras: F64, maps: _Maps, rows: range) -> _Events:
         """Events of some rows of the pyramid in these maps."""
         p, bias = self.pyramid, self.how.bias
         vs = p.vs[rows.start : rows.stop]
         if self.grid is not None:
-            four = maps if maps.ndim == 4 else maps[:, :, None]
-            return _Events(*tile_events(four, cameras, p.us, vs, p.near, p.far, bias, self.grid.coarse))
+            return _Events(*tile_events(maps.depth, cameras, p.us, vs, p.near, p.far, bias, self.grid.coarse))
         exact = self.how.walk == "exact"
-        found = [_Events(*row_events(maps, cameras, p.us, float(v), p.near, p.far, bias, exact)) for v in vs]
+        found = [_Events(*row_events(*maps, cameras, p.us, float(v), p.near, p.far, bias, exact)) for v in vs]
         pixel = np.concatenate([one.pixel + row * p.width for row, one in enumerate(found)]).astype(np.int32)
         z, sign = np.concatenate([one.z for one in found]), np.concatenate([one.sign for one in found])
         return _Events(pixel, z, sign, sum(one.steps for one in found))
@@ -189,64 +212,14 @@ def _reduced(pyramid: Pyramid, rows: range, parts: list[_Events], cameras: int, 
     pixel, z, sign = (np.concatenate(column) if len(column) > 1 else column[0] for column in list(zip(*parts, strict=True))[:3])
     span = pyramid.far - pyramid.near
     merge = span / 2**14 if how.merge is None else how.merge
-    kappa = how.kappa
-    if kappa is None:
-        kappa = max(1.0, 2 * how.epsilon * span / how.bias) if how.bias > 0 else 100.0
+    kappa = _kappa(pyramid, how)
     counts, depth, value = reduce_tile(
         pyramid.width * len(rows), pixel, z, sign, cameras, merge, METHODS[how.compression], how.epsilon, kappa / span, how.budget
     )
     return _Tile(counts, depth, value, len(z), sum(part.steps for part in parts))
 
 
-@numba.njit(nogil=True, cache=True)
-def reduce_tile(pixels, pixel, z, sign, samples, merge, method, epsilon, scale, budget):  # type: ignore[no-untyped-def]
-    """Events (E,) of some pixels, in any order, to packed functions: counts int64 (pixels,), depth, value float32 (M,).
-
-    An event is sorted as one integer: the bits of a positive float rise with it, and its sign fills the freed bit.
-    """
-    start = np.zeros(pixels + 1, np.int64)
-    for p in pixel:
-        start[p + 1] += 1
-    longest = start.max() if len(pixel) else 0
-    start = np.cumsum(start)
-    place = start[:-1].copy()
-    bits, keys = z.view(np.uint32), np.empty(len(z), np.uint32)
-    for k in range(len(z)):
-        keys[place[pixel[k]]] = (bits[k] << np.uint32(1)) | np.uint32(sign[k] > 0)
-        place[pixel[k]] += 1
-    counts = np.zeros(pixels, np.int64)
-    depth, value = np.empty(2 * len(z) + 2, np.float32), np.empty(2 * len(z) + 2, np.float32)
-    step_z, step_v = np.empty(2 * longest + 2), np.empty(2 * longest + 2)
-    out_z, out_v = np.empty(2 * longest + 4), np.empty(2 * longest + 4)
-    total = 0
-    for p in range(pixels):
-        own = keys[start[p] : start[p + 1]]
-        own.sort()
-        n = accumulate(own, samples, merge, step_z, step_v)
-        m = compress(step_z, step_v, n, method, epsilon, scale, out_z, out_v)
-        if budget > 0 and m > budget:
-            m = fitted(step_z, step_v, n, method, epsilon, scale, budget, out_z, out_v)
-        for k in range(m):
-            depth[total + k], value[total + k] = out_z[k], out_v[k]
-        counts[p] = m
-        total += m
-    return counts, depth[:total].copy(), value[:total].copy()
-
-
-@numba.njit(nogil=True, cache=True)
-def accumulate(keys, samples, merge, step_z, step_v):  # type: ignore[no-untyped-def]
-    """Step form of one pixel's sorted events: fills step_z, step_v (two points a change), returns the number of points."""
-    depths = (keys >> np.uint32(1)).view(np.float32)
-    n, inside, k = 0, 0, 0
-    while k < len(keys):
-        first, before = depths[k], inside
-        last = first
-        while k < len(keys) and depths[k] - first <= merge:
-            last = depths[k]
-            inside += 1 if keys[k] & np.uint32(1) else -1
-            k += 1
-        if inside != before:
-            step_z[n], step_v[n] = last, before / samples
-            step_z[n + 1], step_v[n + 1] = last, inside / samples
-            n += 2
-    return n
+def _kappa(pyramid: Pyramid, how: Construction) -> float:
+    if how.kappa is not None:
+        return how.kappa
+    return max(1.0, 2 * how.epsilon * (pyramid.far - pyramid.near) / how.bias) if how.bias > 0 else 100.0

@@ -23,6 +23,7 @@ from renderers.transport.penumbra.pyramid import Pyramid, pyramids_around
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 Filter = Literal["bilinear", "nearest"]
+GOLDEN = (5**0.5 - 1) / 2
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,23 @@ class LightShadows:
         return out
 
 
+@dataclass(frozen=True, eq=False)
+class CombinedShadows:
+    """What stands still and what moves, each with maps of its own: only the second, small, is built anew for every frame.
+
+    The truth lies between max(V_s, V_d) and min(1, V_s + V_d): V = 1 - (1 - V_s)(1 - V_d) takes both as independent parts of the
+    light.
+    """
+
+    still: LightShadows
+    moving: LightShadows
+
+    def hidden(self, points: ArrayLike, normals: ArrayLike | None = None, offset: float = 0.0, filter: Filter = "bilinear") -> F32:
+        """As `LightShadows.hidden`; -1 where either does not reach."""
+        v, w = (one.hidden(points, normals, offset, filter) for one in (self.still, self.moving))
+        return np.where((v < 0) | (w < 0), np.float32(-1), 1 - (1 - v) * (1 - w))
+
+
 def by_face(emitter: Emitter, pyramids: Sequence[Pyramid], points: F64) -> Iterator[tuple[NDArray[np.intp], F64]]:
     """For each pyramid around a light the rows of World points (P, 3) whose direction passes its face, and those in its frame."""
     reach = np.abs((points - emitter.centre) @ emitter.frame.T).max(axis=1)
@@ -76,9 +94,13 @@ def pyramids_of(world: World, emitter: Emitter, points: F64, resolution: int, ne
 
 def casters_of(world: World, emitter: Emitter, casters: NDArray[np.bool_] | None = None) -> F64:
     """Corners (T, 3, 3) of the triangles that cast shadows of `emitter`: all but its own, or those of `casters` (T,)."""
+    return world.positions[world.triangles[_casting(world, emitter, casters)]].astype(np.float64)
+
+
+def _casting(world: World, emitter: Emitter, casters: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
     cast = np.ones(len(world.triangles), bool) if casters is None else casters.copy()
     cast[emitter.triangles] = False
-    return world.positions[world.triangles[cast]].astype(np.float64)
+    return cast
 
 
 def build(
@@ -92,45 +114,58 @@ def build(
     slope: Slope,
     near: float = 1.0,
     casters: NDArray[np.bool_] | None = None,
+    opacity: F64 | None = None,
     counters: Counter[str] | None = None,
 ) -> LightShadows:
     """Build the maps of `emitter` from light points (N, 3).
 
     resolution: pixels across 90° of a pyramid. map_resolution: texels across a shadow map, at least (their pitch fits the pixels).
     near: distance of the near plane from the light, in half sizes of the light. casters: bool (T,), which triangles cast (all but
-    the emitter's own by default); the others receive.
+    the emitter's own by default); the others receive. opacity: float (T,) in [0, 1], all 1 by default: an instance of opacity α
+    casts in a share α of the maps, so that its full shadow is α.
     """
     pyramids = pyramids_of(world, emitter, points, resolution, near)
-    corners = casters_of(world, emitter, casters)
-    return LightShadows(emitter, tuple(_one(p, corners, points, map_resolution, how, slope, counters) for p in pyramids))
+    cast = _casting(world, emitter, casters)
+    corners = world.positions[world.triangles[cast]].astype(np.float64)
+    cover = np.ones((len(corners), 2))
+    if opacity is not None:
+        cover[:, 0] = opacity[cast]
+    # instances on top of one another miss different maps
+    cover[:, 1] = world.instance[cast] * GOLDEN % 1
+    return LightShadows(emitter, tuple(_one(p, corners, cover, points, map_resolution, how, slope, counters) for p in pyramids))
 
 
 def _one(
-    pyramid: Pyramid, corners: F64, points: F64, resolution: int, how: Construction, slope: Slope, counters: Counter[str] | None
-) -> PenumbraMap:
+    pyramid: Pyramid, corners: F64, cover: F64, points: F64, resolution: int, how: Construction, slope: Slope,
+    counters: Counter[str] | None,
+) -> PenumbraMap:  # fmt: skip
     texels = HALF_TEXELS[how.walk]
     pixels = pyramid.pitch * (1.0 if slope.filter == "bilinear" else 0.5)
     local = pyramid.local(points)
     fitting = aligned_cameras(pyramid, local, resolution) if how.walk == "exact" else None
     if fitting is None:
-        make = map_maker(pyramid, corners, (resolution, resolution), texels, pixels, slope.limit)
+        make = map_maker(pyramid, corners, (resolution, resolution), texels, pixels, slope.limit, cover)
         return assemble(pyramid, cameras_of(pyramid, local, resolution), make, how, counters)
     cameras, grid = fitting
-    return assemble(pyramid, cameras, map_maker(pyramid, corners, grid.shape, texels, pixels, slope.limit), how, counters, grid)
+    make = map_maker(pyramid, corners, grid.shape, texels, pixels, slope.limit, cover)
+    return assemble(pyramid, cameras, make, how, counters, grid)
 
 
 def map_maker(
-    pyramid: Pyramid, corners: F64, shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0, limit: float = 0.2
-) -> MapMaker:
-    """Makes shadow maps float32 (N, *shape) of World triangles (T, 3, 3) for cameras; the rest as in
-    `depth_maps`.
+    pyramid: Pyramid, corners: F64, shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0, limit: float = 0.0,
+    cover: F64 | None = None,
+) -> MapMaker:  # fmt: skip
+    """Makes shadow maps float32 (N, *shape) of World triangles (T, 3, 3) for cameras; the rest as in `depth_maps`, opaque by
+    default.
     """
     local = pyramid.local(corners)
-    local = np.ascontiguousarray(local[(local[:, :, 2] > 0).any(axis=1)])
+    ahead = (local[:, :, 2] > 0).any(axis=1)
+    local = np.ascontiguousarray(local[ahead])
+    kept = np.tile([1.0, 0.0], (len(local), 1)) if cover is None else cover[ahead]
 
     def make(cameras: F64) -> F32:
         maps = np.empty((len(cameras), *shape), np.float32)
-        depth_maps(local, np.ascontiguousarray(cameras), maps, texels, pixels, limit)
+        depth_maps(local, kept, np.ascontiguousarray(cameras), maps, texels, pixels, limit)
         return maps
 
     return make
@@ -142,4 +177,6 @@ def warm_up() -> None:
     pyramid = Pyramid(np.zeros(3), np.eye(3), (-1.0, -1.0), 1.0, 2, 2, 1.0, 2.0)
     triangle = np.array([[[-9.0, -9, 1.5], [9, -9, 1.5], [0, 9, 1.5]]])
     for walk in ("exact", "midpoint"):
-        _one(pyramid, triangle, np.zeros((1, 3)), 4, Construction(walk=walk), Slope(), None).hidden(np.ones((1, 3)))
+        _one(pyramid, triangle, np.array([[1.0, 0.0]]), np.zeros((1, 3)), 4, Construction(walk=walk), Slope(), None).hidden(
+            np.ones((1, 3))
+        )

@@ -1,7 +1,8 @@
 """Shadow map cameras: one per light point, with an off-axis window that contains every ray of the pyramid.
 
 A camera is one row of CAMERA float64 numbers in the pyramid's frame: rotation R (9, row by row: pyramid to camera), point s (3),
-window u_0, Δu, v_0, Δv in the camera's tangents. Camera coordinates of P are c = R (P - s), tangents c_x / c_z and c_y / c_z.
+window u_0, Δu, v_0, Δv in the camera's tangents, rank in [0, 1): which half-transparent things it sees. Camera coordinates of P
+are c = R (P - s), tangents c_x / c_z and c_y / c_z.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from renderers.transport.penumbra.pyramid import Pyramid
+from renderers.transport.sampling import generator
 
 F64 = NDArray[np.float64]
-CAMERA = 16
-S, U0, DU, V0, DV = 9, 12, 13, 14, 15
+CAMERA = 17
+S, U0, DU, V0, DV, RANK = 9, 12, 13, 14, 15, 16
 
 
 def cameras_of(pyramid: Pyramid, points: ArrayLike, resolution: int, rotations: ArrayLike | None = None) -> F64:
@@ -36,4 +38,10 @@ def cameras_of(pyramid: Pyramid, points: ArrayLike, resolution: int, rotations: 
     cameras[:, S : S + 3] = s
     cameras[:, [U0, V0]] = low - pitch
     cameras[:, [DU, DV]] = pitch
+    cameras[:, RANK] = ranks(len(s))
     return cameras
+
+
+def ranks(count: int) -> F64:
+    """(k + 1/2) / count in random order, always the same: any share of them is a share of all parts of the light."""
+    return np.asarray((generator(0, "ranks").permutation(count) + 0.5) / count)

@@ -21,17 +21,18 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S
+from renderers.transport.penumbra.cameras import DU, DV, RANK, U0, V0, S
 
 FRONT = 1e-7
 
 
 @numba.njit(parallel=True, cache=True)
-def depth_maps(corners, cameras, maps, texels, pixels, limit):  # type: ignore[no-untyped-def]
+def depth_maps(corners, cover, cameras, maps, texels, pixels, limit):  # type: ignore[no-untyped-def]
     """Fill maps float32 (N, h, w) with depth D + b_s along each camera's axis, inf where nothing is hit.
 
-    corners float64 (T, 3, 3): casters, pyramid's frame. cameras (N, CAMERA). texels = c_S; pixels = c_P Δu_P, tangent units; limit:
-    largest b_s, World units (0: plain depth).
+    corners float64 (T, 3, 3): casters, pyramid's frame. cover float64 (T, 2): opacity, and a shift of ranks. cameras (N, CAMERA).
+    texels = c_S; pixels = c_P Δu_P, tangent units; limit: largest b_s, World units (0: plain depth). A triangle of opacity α is in
+    the maps whose rank + shift, less its whole part, is below α: in α N of them (stochastic opacity).
     """
     for i in numba.prange(len(cameras)):
         first = maps[i]
@@ -39,6 +40,8 @@ def depth_maps(corners, cameras, maps, texels, pixels, limit):  # type: ignore[n
         slope, second = np.zeros_like(first), np.full_like(first, np.inf)
         p, e = np.empty((3, 3)), np.empty((3, 3))
         for t in range(len(corners)):
+            if (cameras[i, RANK] + cover[t, 1]) % 1.0 >= cover[t, 0]:
+                continue
             _rasterize(corners[t], cameras[i], first, second, slope, texels, pixels, p, e)
         if limit > 0:
             _add_bias(first, second, slope, limit)

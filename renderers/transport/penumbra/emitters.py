@@ -52,11 +52,19 @@ class Emitter:
         """Largest half extent, World units."""
         return float(self.half.max())
 
-    def points(self, count: int, seed: int, index: int = 0) -> F64:
-        """`count` stratified points on (sphere: in) the emitter, World, float64 (count, 3), a pure function of its arguments."""
+    def points(self, count: int, seed: int, index: int = 0, emission: NDArray[np.floating] | None = None) -> F64:
+        """`count` stratified points on (sphere: in) the emitter, World, float64 (count, 3), a pure function of its arguments.
+
+        emission (h, w): how bright the light is over its rectangle (rows along the second tangent), or over the square that is
+        mapped to its disc. Points lie where it shines, as many as it shines, so that each stands for the same light; hidden shares
+        then are shares of its power. Raises ValueError for other kinds, and for an emission that is negative or nowhere positive.
+        """
         rng = generator(seed, f"light points {index}")
+        if emission is not None and self.kind not in ("rectangle", "disc"):
+            raise ValueError(f"a {self.kind} emitter shines evenly: emission is for rectangles and discs")
         if self.kind in ("rectangle", "disc"):
-            square = stratified(count, rng) * 2 - 1
+            even = stratified(count, rng)
+            square = (even if emission is None else distributed(even, emission)) * 2 - 1
             flat = square * self.half if self.kind == "rectangle" else concentric(square) * self.half[0]
             return np.asarray(self.centre + flat @ self.frame[:2])
         u = ((np.arange(count) + rng.random(count)) / count)[rng.permutation(count)]
@@ -102,6 +110,22 @@ def stratified(count: int, rng: np.random.Generator) -> F64:
     x = (column + jitter[:, 0]) / columns[row]
     y = y0[row] + jitter[:, 1] * columns[row] / count
     return np.stack([x, y], axis=1)
+
+
+def distributed(even: F64, density: NDArray[np.floating]) -> F64:
+    """Even points (N, 2) of the unit square moved so that they follow a density (h, w): rows first, then columns, both inverted."""
+    d = np.asarray(density, np.float64)
+    if d.ndim != 2 or not (d >= 0).all() or not d.sum() > 0:
+        raise ValueError("emission must be two-dimensional, nowhere negative and somewhere positive")
+    rows = np.concatenate([[0], np.cumsum(d.sum(axis=1))]) / d.sum()
+    y = np.clip(np.searchsorted(rows, even[:, 1], side="right") - 1, 0, len(d) - 1)
+    inside = (even[:, 1] - rows[y]) / (rows[y + 1] - rows[y])
+    line = d[y]
+    columns = np.concatenate([np.zeros((len(y), 1)), np.cumsum(line, axis=1)], axis=1) / line.sum(axis=1, keepdims=True)
+    x = np.clip((columns <= even[:, :1]).sum(axis=1) - 1, 0, d.shape[1] - 1)
+    pick = np.arange(len(x))
+    across = (even[:, 0] - columns[pick, x]) / (columns[pick, x + 1] - columns[pick, x])
+    return np.stack([(x + across) / d.shape[1], (y + inside) / len(d)], axis=1)
 
 
 def concentric(square: F64) -> F64:

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from renderers.transport.penumbra.cameras import CAMERA, DU, DV, U0, V0, S
+from renderers.transport.penumbra.cameras import CAMERA, DU, DV, RANK, U0, V0, S, ranks
 from renderers.transport.penumbra.pyramid import Pyramid
 
 F32 = NDArray[np.float32]
@@ -65,6 +65,7 @@ def aligned_cameras(pyramid: Pyramid, points: ArrayLike, resolution: int) -> tup
     cameras[:, S : S + 3] = s
     cameras[:, [U0, V0]] = start
     cameras[:, [DU, DV]] = pitch
+    cameras[:, RANK] = ranks(len(s))
     return cameras, Grid(fine, coarse, (rows, columns))
 
 

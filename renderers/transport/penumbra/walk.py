@@ -9,8 +9,9 @@ so the ray is a straight line in the map; q falls while Z = (1/q + β_z) / α_z 
 with its apex have α_z = 1, β_z = 0: then Z = 1/q is the depth in every map. Turned cameras and points in front of that plane need
 nothing else.
 
-Exact (St-Amour 2004 §3.1 made exact): every texel that the line touches is visited. On its span of the ray the map is constant, so
-the shadowed part is known exactly, and the events add up to the shadow test D + b < Z everywhere. Midpoint: the published scan
+Exact (St-Amour 2004 §3.1 made exact): every texel that the line touches counts. On its span of the ray the map is constant, so the
+shadowed part is known exactly, and the events add up to the shadow test D + b < Z everywhere. Blocks of texels whose depths are all
+before or all behind the ray's span are passed in one step. Midpoint: the published scan
 conversion, one texel per step of the major axis; the stored depth where the step brackets it, the step's own depth elsewhere.
 """
 
@@ -22,6 +23,8 @@ import numpy as np
 from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S
 
 NOTHING = np.float32(np.inf)
+# texels along a block's side
+BLOCK = 8
 # a camera plane cuts the ray nearer than this: what lies behind the camera is lit
 IN_FRONT = 1e-6
 
@@ -57,15 +60,74 @@ def texel(depth, ix, iy):  # type: ignore[no-untyped-def]
     return NOTHING
 
 
+@numba.njit(parallel=True, cache=True)
+def bounds_of(maps):  # type: ignore[no-untyped-def]
+    """Least and greatest depth of the blocks of maps (N, h, w): two float32 (N, ⌈h / BLOCK⌉, ⌈w / BLOCK⌉)."""
+    n, h, w = maps.shape
+    low = np.full((n, -(-h // BLOCK), -(-w // BLOCK)), NOTHING)
+    # what lies beyond the map is lit
+    high = np.full(low.shape, NOTHING)
+    for i in numba.prange(n):
+        for by in range(low.shape[1]):
+            for bx in range(low.shape[2]):
+                least, most = NOTHING, np.float32(0)
+                for y in range(by * BLOCK, min((by + 1) * BLOCK, h)):
+                    for x in range(bx * BLOCK, min((bx + 1) * BLOCK, w)):
+                        least, most = min(least, maps[i, y, x]), max(most, maps[i, y, x])
+                low[i, by, bx] = least
+                if (by + 1) * BLOCK <= h and (bx + 1) * BLOCK <= w:
+                    high[i, by, bx] = most
+    return low, high
+
+
 @numba.njit(nogil=True, cache=True)
-def walk_exact(depth, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
-    """Append events of one ray to z, sign from `count` on; returns the new count. ray: what `project` returned."""
+def walk_exact(depth, low, high, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
+    """Append events of one ray to z, sign from `count` on; returns the new count.
+
+    ray: what `project` returned; low, high: the map's `bounds_of`.
+    """
     _, ax, bx, ay, by, iaz, bz, q, q_out = ray
-    ix, iy = int(np.floor(ax + bx * q)), int(np.floor(ay + by * q))
+    cx, cy = int(np.floor((ax + bx * q) / BLOCK)), int(np.floor((ay + by * q) / BLOCK))
     step_x, step_y = (-1 if bx > 0 else 1), (-1 if by > 0 else 1)
     edge_x, edge_y = (0 if bx > 0 else 1), (0 if by > 0 else 1)
     inverse_x, inverse_y = (1 / bx if bx != 0 else 0.0), (1 / by if by != 0 else 0.0)
     shadowed = False
+    while True:
+        qx = ((cx + edge_x) * BLOCK - ax) * inverse_x if bx != 0 else -np.inf
+        qy = ((cy + edge_y) * BLOCK - ay) * inverse_y if by != 0 else -np.inf
+        q_next = min(max(qx, qy, q_out), q)
+        inside = 0 <= cy < low.shape[0] and 0 <= cx < low.shape[1]
+        if not inside or (low[cy, cx] + bias) * q_next >= 1:
+            if shadowed:
+                z[count], sign[count] = _depth_at(q, bz, iaz, near, far), -1
+                count += 1
+            shadowed = False
+        elif (high[cy, cx] + bias) * q <= 1:
+            if not shadowed:
+                z[count], sign[count] = _depth_at(q, bz, iaz, near, far), 1
+                count += 1
+            shadowed = True
+        else:
+            count, shadowed = _walk_block(depth, cx, cy, ray, q, q_next, near, far, bias, z, sign, count, shadowed)
+        if q_next <= q_out:
+            return count
+        if qx >= qy:
+            cx += step_x
+        if qy >= qx:
+            cy += step_y
+        q = q_next
+
+
+@numba.njit(nogil=True)
+def _walk_block(depth, cx, cy, ray, q, q_out, near, far, bias, z, sign, count, shadowed):  # type: ignore[no-untyped-def]
+    """The same texel by texel, from q to q_out, within one block."""
+    _, ax, bx, ay, by, iaz, bz, _, _ = ray
+    # rounding at a block's edge may name the texel beyond it
+    ix = min(max(int(np.floor(ax + bx * q)), cx * BLOCK), (cx + 1) * BLOCK - 1)
+    iy = min(max(int(np.floor(ay + by * q)), cy * BLOCK), (cy + 1) * BLOCK - 1)
+    step_x, step_y = (-1 if bx > 0 else 1), (-1 if by > 0 else 1)
+    edge_x, edge_y = (0 if bx > 0 else 1), (0 if by > 0 else 1)
+    inverse_x, inverse_y = (1 / bx if bx != 0 else 0.0), (1 / by if by != 0 else 0.0)
     while True:
         qx = (ix + edge_x - ax) * inverse_x if bx != 0 else -np.inf
         qy = (iy + edge_y - ay) * inverse_y if by != 0 else -np.inf
@@ -84,7 +146,7 @@ def walk_exact(depth, ray, near, far, bias, z, sign, count):  # type: ignore[no-
             z[count], sign[count] = _depth_at(q, bz, iaz, near, far), (1 if shadowed else -1)
             count += 1
         if q_next <= q_out:
-            return count
+            return count, shadowed
         if qx >= qy:
             ix += step_x
         if qy >= qx:
@@ -129,11 +191,11 @@ def walk_midpoint(depth, ray, near, far, bias, z, sign, count):  # type: ignore[
 
 
 @numba.njit(nogil=True, cache=True)
-def row_events(maps, cameras, us, v, near, far, bias, exact):  # type: ignore[no-untyped-def]
+def row_events(maps, low, high, cameras, us, v, near, far, bias, exact):  # type: ignore[no-untyped-def]
     """Events of one row of the pyramid in all maps: pixel int32, z float32, sign int8 (E,), and the steps walked.
 
-    maps float32 (N, h, w); cameras float64 (N, CAMERA); us float64 (W,), v: tangents of the pixel centres; near, far, bias: world
-    units.
+    maps float32 (N, h, w) with their `bounds_of`; cameras float64 (N, CAMERA); us float64 (W,), v: tangents of the
+    pixel centres; near, far, bias: world units.
     """
     size = 4 * len(us) + 64
     pixel, z, sign = np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.int8)
@@ -146,14 +208,14 @@ def row_events(maps, cameras, us, v, near, far, bias, exact):  # type: ignore[no
             ax, bx, ay, by, q_in, q_out = ray[1], ray[2], ray[3], ray[4], ray[7], ray[8]
             dx = abs(int(np.floor(ax + bx * q_out)) - int(np.floor(ax + bx * q_in)))
             dy = abs(int(np.floor(ay + by * q_out)) - int(np.floor(ay + by * q_in)))
-            # a texel gives at most two events; rounding may add one texel in x and one in y
-            need = count + 2 * (dx + dy + 4)
+            # a texel gives at most two events; rounding may add one texel in x and in y for each block
+            need = count + 3 * (dx + dy + 8)
             if need > size:
                 size = max(need, 2 * size)
                 pixel, z, sign = _longer(pixel, size), _longer(z, size), _longer(sign, size)
             first = count
             if exact:
-                count = walk_exact(maps[i], ray, near, far, bias, z, sign, count)
+                count = walk_exact(maps[i], low[i], high[i], ray, near, far, bias, z, sign, count)
                 walked += dx + dy + 1
             else:
                 count = walk_midpoint(maps[i], ray, near, far, bias, z, sign, count)

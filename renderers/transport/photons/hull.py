@@ -21,13 +21,15 @@ DIRECTIONS = 16
 def hull_area(x, y, count):  # type: ignore[no-untyped-def]
     """(area, vertices) of the convex hull of points x, y float64 (≥ count,); area 0 for collinear, coincident or < 3 points.
 
-    Points inside the polygon of the extremes in DIRECTIONS directions can't be vertices and are dropped first (Akl & Toussaint 1978);
+    Points inside the polygon of the extremes in 16 directions can't be vertices and are dropped first (Akl & Toussaint 1978);
     the others go through Andrew's monotone chain (1979).
     """
     if count < 3:
         return 0.0, count
     px, py = _outer(x, y, count)
     m = len(px)
+    if m < 3:
+        return 0.0, m
     order = np.argsort(py, kind="mergesort")
     order = order[np.argsort(px[order], kind="mergesort")]
     chain = np.empty(2 * m + 1, np.int64)
@@ -78,6 +80,8 @@ def _outer(x, y, count):  # type: ignore[no-untyped-def]
         if not inside:
             ox[kept], oy[kept] = x[i], y[i]
             kept += 1
+    if kept == 0:  # all points coincide
+        return x[:1].copy(), y[:1].copy()
     return ox[:kept].copy(), oy[:kept].copy()
 
 

@@ -1,7 +1,7 @@
 """Photon tracing in batches: rays through Embree, scattering with Russian roulette, every hit stored.
 
 A stored photon's flux is what its surface receives as seen by the *shading* normal (cosine at n_s over cosine at n_g, Veach
-1997 §5.3), so that Σ Φ / A is the irradiance a shading normal sees. On flat shading both normals agree and the factor is 1. A photon goes
+1997 §5.3), so that Σ Φ / A is the irradiance a shading normal sees. Flat shading makes the factor 1. A photon goes
 on with probability q = min(1, max Φ' / max Φ), Φ' the flux after reflection: for Lambert q = ρ, and grey photons keep equal flux.
 
 Random numbers come by photon index and bounce, batches are joined in order: the same map at any thread count.
@@ -36,9 +36,9 @@ PER_BOUNCE = 4
 class Photons(NamedTuple):
     """Stored photons, one row each. Flux is already divided by the photons emitted: Σ Φ / area is irradiance in W·m⁻².
 
-    position float32 (N, 3); direction float32 (N, 3), unit, towards where the photon came from; flux float32 (N, 3); distance
-    float32 (N,): way since the last reflection; normal float32 (N, 3): unit shading normal, turned to the side the photon came from; bounce
-    int16 (N,): reflections before this hit, 0 straight from a light; triangle int32 (N,): row of World.triangles that was hit.
+    position, direction, flux, normal float32 (N, 3): direction is unit, towards where the photon came from; normal is the unit
+    shading normal, turned to the side the photon came from. distance float32 (N,): way since the last reflection. bounce int16
+    (N,): reflections before this hit, 0 straight from a light. triangle int32 (N,): row of World.triangles that was hit.
     Positions and distances are in World units, and so is flux (W · scale²).
     """
 

@@ -1,6 +1,6 @@
 """A balanced kd-tree over photon positions (numba). Its nodes are implicit: node i of level l owns rows i·n/2ˡ … (i+1)·n/2ˡ.
 
-Building puts the photons into tree order, so that a leaf is a run of rows. Queries keep only photons that pass a surface filter: the
+Building puts the photons into tree order, so that a leaf is a run of rows. Queries keep only what passes a surface filter: the
 normal within `cos_min` of the query's, and the height over its tangent plane at most `height`. cos_min = -2 keeps all.
 """
 

@@ -8,9 +8,12 @@ from renderers.scene.builder import SceneBuilder
 from renderers.scene.model import Lambert, PointLight
 from renderers.scene.world import World
 from renderers.transport.photons.density import irradiance, lookup, points, reflected
+from renderers.transport.photons.hull import CORRECTED
 from renderers.transport.photons.map import photon_map
 from renderers.transport.photons.pixels import gatherers
 from renderers.transport.photons.tracing import trace
+from renderers.transport.photons.walk import walk
+from renderers.transport.photons.zones import SHRUNK, Recipe
 from renderers.transport.primary import cast_gbuffer
 
 
@@ -33,4 +36,5 @@ def warm_up() -> None:
     pixels = gatherers(world, gbuffer := cast_gbuffer(world, (2, 2)))
     where = points(world, pixels.position, pixels.normal, gbuffer.triangle.ravel()[pixels.row])
     irradiance(photons, where, lookup(4, 0.5, "corrected"))
+    walk(world, photons, Recipe(0.3, 0.1, 1.0, 8, 4, CORRECTED, SHRUNK, 2, 4, 8))
     reflected(photons, where, pixels.view, pixels.materials, lookup(4, 0.5, "disc"))

@@ -204,3 +204,16 @@ def test_textures_are_linearised_by_the_srgb_curve():
 def test_the_last_world_is_kept():
     scene = ball_scene()
     assert scene.world(0) is scene.world(5)
+
+
+def test_areas_and_normals_of_some_triangles_are_those_of_all():
+    """To the bit, whether the others have been computed or not, and in any order, with repetitions."""
+    world = ball_scene().world()
+    some = np.array([5, 0, 17, 5, len(world.triangles) - 1])
+    areas, normals = world.areas_of(some), world.normals_of(some)
+    assert "areas" not in vars(world)
+    assert "face_normals" not in vars(world)
+    np.testing.assert_array_equal(areas, world.areas[some])
+    np.testing.assert_array_equal(normals, world.face_normals[some])
+    np.testing.assert_array_equal(world.areas_of(some), areas)
+    np.testing.assert_array_equal(world.normals_of(some), normals)

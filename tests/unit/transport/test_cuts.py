@@ -22,6 +22,7 @@ from renderers.transport.cuts import (
     enclosing_spheres,
     geometric_levels,
 )
+from renderers.transport.roulette import RouletteLevels
 from renderers.transport.sampling import generator
 
 COUNTS, RATIOS = (1, 2, 3, 5, 8), (1.2, 2.0, 3.0, 5.0)
@@ -169,6 +170,7 @@ FAMILIES = {
     "linear": LinearLevels(np.array([0.1, 0.2, 0.4]), np.log(3)),
     "ridge": RidgeLevels(np.log(3), 1 / np.log(2), 0.1),
     "ridge, stable": RidgeLevels(np.log(3), 1 / np.log(3), 0.1),
+    "roulette": RouletteLevels(0.1),
 }
 
 
@@ -337,3 +339,65 @@ def test_h_18_bounds_hold_the_support_and_weights_stay_finite(name: str, numbers
 def test_levels_are_refused_by_name() -> None:
     with pytest.raises(ValueError, match="ratios > 1"):
         geometric_levels(3, 1.0, 1.0, 2.0)
+
+
+U_NODES, U_WEIGHTS = (0.5 * (x + 1) if k == 0 else 0.5 * x for k, x in enumerate(np.polynomial.legendre.leggauss(200)))
+
+
+def over_numbers(family: RouletteLevels, a: float, power: int) -> float:
+    """∫_0^1 W(u, a)^power du, Gauss-Legendre on the pieces between the flank's ends."""
+    ends = np.unique(np.clip([0.0, 0.5 * float(family.area) / a, 1.5 * float(family.area) / a, 1.0], 0, 1))
+    total = 0.0
+    for low, high in pairwise(ends):
+        numbers = low + (high - low) * U_NODES
+        total += (high - low) * float((family.weight(-np.log2(numbers), a) ** power * U_WEIGHTS).sum())
+    return total
+
+
+@pytest.mark.parametrize("a", [1e-6, 0.1, 0.149, 0.15, 0.2, 0.31, 0.45, 0.46, 3.0, 1e4])
+def test_roulette_has_unit_mean_and_its_second_moment(a: float) -> None:
+    family = RouletteLevels(0.3)
+    assert over_numbers(family, a, 1) == pytest.approx(1, abs=1e-12)
+    assert over_numbers(family, a, 2) == pytest.approx(float(family.second_moment(a)), rel=1e-12)
+
+
+def test_roulette_is_near_the_least_variance_times_cost() -> None:
+    """E[W²] P(W > 0) ≥ E[W]² = 1 for every law; roulette's flank costs 5/4, hats of ratio 2 cost 3/2 in the mean over a shell."""
+    a = np.linspace(1.0, 2.0, 2001)
+    roulette, hats = RouletteLevels(0.3), discrete(8, area=1 / 16, ratio=2.0, shares=2.0)
+    acting = np.minimum(1, 1.5 * 0.3 / a)
+    np.testing.assert_allclose(roulette.second_moment(a) * acting, 1.25, rtol=1e-12)
+    levels = np.arange(1.0, 9.0)
+    shares = ((hats.weight(levels, a[:, None]) > 0) * hats.shares).sum(axis=1)
+    assert np.mean(hats.second_moment(a) * shares) == pytest.approx(1.5, abs=0.001)
+
+
+def test_roulette_acts_within_its_bounds_and_no_contribution_exceeds_the_cap() -> None:
+    family = RouletteLevels(0.3)
+    marks = family.draw(generator(4, "levels").random(50))
+    a = np.geomspace(1e-4, 1e6, 20001)
+    for mark, end in zip(marks, family.bounds(marks)[1], strict=True):
+        weight = family.weight(mark, a)
+        assert (weight[a >= end * (1 + 1e-9)] == 0).all()
+        assert (weight[a < end * (1 - 1e-3)] > 0).all()
+        # cos θ / r² = 1/α: beyond the flank no light brings more than one that covers the finest level's solid angle
+        assert (weight / a)[a >= 0.15].max() <= 2 / 0.3 * (1 + 1e-12)
+        assert (weight / a)[a >= 0.45].max(initial=0) <= 1 / 0.3 * (1 + 1e-12)
+
+
+def test_roulette_follows_brightness() -> None:
+    family = RouletteLevels(0.3).among(np.array([[1.0, 1, 1], [2, 2, 2], [0, 0, 9], [1e-30, 0, 0]]))
+    np.testing.assert_allclose(family.area, 0.3 * np.array([3, 6, 9, 18e-6 / 4]) / 4.5, rtol=1e-12)
+    assert RouletteLevels(0.3).among(np.zeros((0, 3))).area == 0.3
+    assert discrete(3).among(np.ones((2, 3))).kernel == discrete(3).kernel
+
+
+def test_ac_30_the_printed_geometric_factor_is_zero_where_the_right_one_is_not() -> None:
+    """(2.17) prints the direction from y to x in both cosines: then no two surfaces that see one another exchange light."""
+    rng = generator(30, "pairs")
+    x, y, nx, ny = (rng.normal(size=(200_000, 3)) for _ in range(4))
+    direction = x - y
+    right = np.maximum(0, (direction * ny).sum(axis=1)) * np.maximum(0, (-direction * nx).sum(axis=1))
+    printed = np.maximum(0, (direction * ny).sum(axis=1)) * np.maximum(0, (direction * nx).sum(axis=1))
+    assert (right > 0).mean() == pytest.approx(0.25, abs=0.005)
+    assert not printed[right > 0].any()

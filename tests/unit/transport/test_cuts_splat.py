@@ -17,6 +17,7 @@ from renderers.transport.gather import gather, pixels_of
 from renderers.transport.interleave import joined, sub_images
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.raycast import caster_of, segments_blocked
+from renderers.transport.roulette import RouletteLevels
 from renderers.transport.sampling import generator, uniform_sphere
 from renderers.transport.splat import light_rows, splat
 from renderers.transport.supports import inverse_root, log_of
@@ -30,6 +31,7 @@ FAMILIES: dict[str, Family] = {
     "c-1": DiscreteLevels(AREAS, SHARES, smooth=False),
     "linear": LinearLevels(AREAS, np.log(3)),
     "ridge": RidgeLevels(np.log(3), 1 / np.log(3), 0.1),
+    "roulette": RouletteLevels(0.05),
 }
 SIZE = (45, 26)
 

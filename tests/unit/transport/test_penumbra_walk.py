@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from renderers.transport.penumbra.assemble import Construction, assemble
 from renderers.transport.penumbra.cameras import cameras_of
-from renderers.transport.penumbra.walk import row_events
+from renderers.transport.penumbra.walk import bounds_of, row_events
 
 UNCOMPRESSED = Construction(bias=0.02, compression="none", merge=0.0)
 
@@ -26,7 +26,7 @@ def test_worked_example(depths: tuple[float, ...], exact: list[tuple[float, int]
     maps[0, 4, :4] = depths
     cameras = np.concatenate([np.eye(3).ravel(), [1, 0, 0], [-1, 0.25, -1, 0.25]])[None]
     for is_exact, expected in ((True, exact), (False, midpoint)):
-        _, z, sign, _ = row_events(maps, cameras, np.array([0.1]), 0.1, 1.0, 4.0, 0.0, is_exact)
+        _, z, sign, _ = row_events(maps, *bounds_of(maps), cameras, np.array([0.1]), 0.1, 1.0, 4.0, 0.0, is_exact)
         assert sign.tolist() == [s for _, s in expected]
         np.testing.assert_allclose(z, [at for at, _ in expected], rtol=1e-6)
 
@@ -57,7 +57,7 @@ def test_what_lies_outside_the_map_is_lit() -> None:
     """A blocker that a window does not hold casts no shadow, and the walk stays inside the array."""
     maps = np.full((1, 8, 8), 1.0, np.float32)
     cameras = np.concatenate([np.eye(3).ravel(), [0, 0, 0], [5, 0.25, 5, 0.25]])[None]
-    _, z, _, _ = row_events(maps, cameras, np.array([0.1]), 0.1, 1.0, 4.0, 0.0, True)
+    _, z, _, _ = row_events(maps, *bounds_of(maps), cameras, np.array([0.1]), 0.1, 1.0, 4.0, 0.0, True)
     assert len(z) == 0
 
 

@@ -1,0 +1,204 @@
+"""Photon-mapped irradiance caching (Gautron 2006, chapter 6): records made of photons alone, splatted for any camera.
+
+    R_k = a photon zone's harmonic mean of 1/d,  A = area its photons sampled (corrected hull),  E_k = Σ Φ_i / A
+    L   = L_e + L_direct + ρ/π · Σ w_k max(0, E_k + (n_k × n)·∇_rE_k + (p - p_k)·∇_pE_k) / Σ w_k
+
+No ray and no rasterisation makes a record: the cost of one doesn't depend on the scene's triangles, and all bounces are in it. One
+walk over the photons covers all of them; a view is then a G-buffer, splats and direct light. A pixel that no record reaches lies
+where no photon fell: `holes = fill` gives it a zone of its own, which grows up to a·r_max, and it is black if that holds no photon.
+
+Passes: photons (trace), tree, records (the walk) in stage prepare, since they serve any camera; gbuffer, direct, splat.
+
+| setting       | default   | unit | range                        | meaning                                                      |
+| ------------- | --------- | ---- | ---------------------------- | ------------------------------------------------------------ |
+| photons       | 400000    | 1    | 1 … 2²⁶                      | N_e, photons emitted                                         |
+| most_stored   | 2·10⁷     | 1    | 1 … 10⁸                      | tracing ends once so many are stored (68 bytes each)         |
+| a             | 0.3       | 1    | 0.01 … 1.4                   | accuracy: zones have radius a·R                              |
+| knn           | 50        | 1    | 1 … 4096                     | K, photons of the first query                                |
+| n_min         | 8         | 1    | 1 … 4096                     | fewest photons of a zone: it grows until it holds them       |
+| gradients     | shrunk    |      | off, thresholded, shrunk     | noise rule of gradients                                      |
+| n_grad        | 500       | 1    | 2 … 10⁶                      | fewest photons for gradients (thresholded)                   |
+| rows, columns | 8, 24     | 1    | 2 … 64, 4 … 256              | hemisphere cells                                             |
+| area          | corrected |      | disc, hull, corrected        | area that a zone's photons stand for                         |
+| r_min, r_max  | auto, 1   | r    | > 0 … 10                     | limits of R, in scene radii; auto: 8 photons in the mean     |
+| holes         | fill      |      | fill, black                  | pixels without a record                                      |
+| records       | walk      |      | walk, pixels                 | cached, or one at every pixel                                |
+| light_samples | 16        | 1    | 1 … 4096                     | samples of area lights and sky per pixel                     |
+| subpixels     | 1         | 1    | 1 … 8                        | k: average k×k G-buffers, with common records                |
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+
+from renderers.frame import Frame
+from renderers.method import Claim, Context, Transport, register, setting
+from renderers.methods.photon_map import PhotonMapping, PhotonSettings, layered, traced_map
+from renderers.methods.photon_map import warm_up as warm_up_photons
+from renderers.methods.rcs import albedos
+from renderers.scene.model import Scene
+from renderers.scene.world import World, WorldCamera
+
+if TYPE_CHECKING:
+    from renderers.gbuffer import GBuffer
+    from renderers.transport.photons.density import F64
+    from renderers.transport.photons.map import PhotonMap
+    from renderers.transport.photons.walk import Cache
+    from renderers.transport.photons.zones import Recipe
+
+SOURCE = "Gautron 2006 §6"
+
+
+class PmicSettings(PhotonSettings):
+    """Settings of photon-mapped irradiance caching."""
+
+    photons: int = setting(400_000, "N_e, photons emitted", source="Gautron 2006 §6.6", ge=1, le=1 << 26)
+    a: float = setting(0.3, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 6.1", ge=0.01, le=1.4)
+    knn: int = setting(50, "K, photons of the first query", source="Gautron 2006 §6.4.1", ge=1, le=4096)
+    n_min: int = setting(8, "fewest photons of a zone: it grows until it holds them", ge=1, le=4096)
+    gradients: Literal["off", "thresholded", "shrunk"] = setting(
+        "shrunk",
+        "gradients off, from n_grad photons on, or shrunk by their noise",
+        source="Gautron 2006 §6.4.3; James & Stein 1961",
+    )
+    n_grad: int = setting(500, "fewest photons of a zone for thresholded gradients", ge=2, le=10**6)
+    rows: int = setting(8, "hemisphere cells in θ", source="Gautron 2006 §6.4.3", ge=2, le=64)
+    columns: int = setting(24, "hemisphere cells in φ", source="Gautron 2006 §6.4.3", ge=4, le=256)
+    area: Literal["disc", "hull", "corrected"] = setting(
+        "corrected", "area that a zone's photons stand for", source="Gautron 2006 §6.4.2; Baldin & Reiß 2016"
+    )
+    r_min: float | None = setting(None, "smallest R; empty: that which holds 8 photons in the mean", unit="r", gt=0, le=10)
+    r_max: float = setting(1.0, "largest R", unit="r", gt=0, le=10)
+    holes: Literal["fill", "black"] = setting("fill", "pixels without a record: from the nearest photons, or black")
+    records: Literal["walk", "pixels"] = setting(
+        "walk", "cached records, or one at every pixel, which leaves out the interpolation's own error"
+    )
+
+
+class PhotonMappedIrradianceCaching(PhotonMapping):
+    """All bounces, interpolated between records that were made of photons."""
+
+    name = "pmic"
+    title = "Photon-mapped irradiance caching"
+    source = "Gautron 2006 chapter 6"
+    Settings = PmicSettings
+    claims: ClassVar = {
+        "diffuse": Claim("approximated", "indirect light is the mean over photon zones, interpolated between records"),
+        "glossy": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
+        "specular": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
+    }
+
+    def transport(self, settings: Any) -> Transport:
+        """All bounces."""
+        return "full"
+
+    def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
+        world, counters = scene.world(context.frame), Counter[str]()
+        photons, cache = self.cached(world, settings, context, counters)
+        layers = shown(world, photons, cache, settings, context, counters)
+        notes = photons.notes + dark_notes(photons, counters)
+        return Frame(layers, context.watch.timings, dict(sorted(counters.items())), notes=notes)
+
+    def cached(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> tuple[PhotonMap, Cache]:
+        """Photon map and records of a world: all that doesn't depend on the camera."""
+        from renderers.transport.photons.walk import walk
+
+        watch = context.watch
+        with watch("warm-up", "prepare"):
+            warm_up(world)
+        photons = traced_map(world, settings, context.seed, False, watch, counters, "prepare")
+        with watch("records", "prepare"):
+            cache = walk(world, photons, recipe_of(world, photons, settings), counters=counters)
+        return photons, cache
+
+    def walkthrough(
+        self, scene: Scene, settings: Any, cameras: Sequence[WorldCamera], *, size: tuple[int, int] = (320, 180), seed: int = 0
+    ) -> list[Frame]:
+        """Frames of a static scene along a camera path, from one cache: only the first carries the timings of the stage prepare."""
+        from renderers.frame import Stopwatch
+
+        settings = self.Settings() if settings is None else settings
+        self.check(scene)
+        world, counters = scene.world(0), Counter[str]()
+        context = Context(size, seed, 0, Stopwatch())
+        photons, cache = self.cached(world, settings, context, counters)
+        frames = []
+        for camera in cameras:
+            layers = shown(replace(world, camera=camera), photons, cache, settings, context, counters)
+            frames.append(Frame(layers, context.watch.timings, dict(sorted(counters.items())), notes=photons.notes))
+            context, counters = Context(size, seed, 0, Stopwatch()), Counter[str]()
+        return frames
+
+
+def recipe_of(world: World, photons: PhotonMap, settings: Any) -> Recipe:
+    """The settings as `photons.zones` takes them; radii in scene radii are World units."""
+    from renderers.transport.photons.density import ESTIMATOR
+    from renderers.transport.photons.walk import smallest_radius
+    from renderers.transport.photons.zones import GRADIENTS, Recipe
+
+    smallest = smallest_radius(world, photons, settings.a) if settings.r_min is None else settings.r_min
+    return Recipe(
+        settings.a, min(smallest, settings.r_max), settings.r_max, settings.knn, settings.n_min, ESTIMATOR[settings.area],
+        GRADIENTS[settings.gradients], settings.n_grad, settings.rows, settings.columns,
+    )  # fmt: skip
+
+
+def shown(
+    world: World, photons: PhotonMap, cache: Cache, settings: Any, context: Context, counters: Counter[str]
+) -> dict[str, Any]:
+    """Layers of one view of a cache."""
+    from renderers.transport.caching.splat import Canvas
+
+    def indirect(gbuffer: GBuffer, seed: int) -> F64:
+        albedo = albedos(world, gbuffer)
+        canvas = Canvas.of(gbuffer, albedo.max(axis=2) > 0)
+        if settings.records == "pixels":
+            irradiance, missed = np.zeros((len(canvas), 3)), np.ones(len(canvas), bool)
+        else:
+            canvas.add(cache.records, settings.a, gradients=settings.gradients != "off", counters=counters)
+            irradiance, missed = canvas.irradiance.astype(np.float64), canvas.missed
+        counters["pixels_missed"] += int(np.count_nonzero(missed))
+        if missed.any() and (settings.holes == "fill" or settings.records == "pixels"):
+            irradiance[missed] = filled(world, gbuffer, photons, canvas.rows[missed], settings, counters)
+        image = np.zeros((gbuffer.triangle.size, 3))
+        image[canvas.rows] = irradiance * albedo.reshape(-1, 3)[canvas.rows] / np.pi
+        return image.reshape(*gbuffer.triangle.shape, 3)
+
+    return layered(world, settings, context, counters, indirect, "splat")
+
+
+def filled(world: World, gbuffer: GBuffer, photons: PhotonMap, rows: Any, settings: Any, counters: Counter[str]) -> F64:
+    """Irradiance of pixels (flat indices) from zones of their own, which grow up to a · r_max; 0 where those hold no photon."""
+    from renderers.transport.photons.density import points
+    from renderers.transport.photons.zones import Zones, fill_zones
+
+    position, normal = gbuffer.position.reshape(-1, 3)[rows], gbuffer.normal.reshape(-1, 3)[rows]
+    where, zones, p = points(world, position, normal, gbuffer.triangle.ravel()[rows]), Zones.empty(len(rows)), photons.photons
+    none = np.full(len(rows), -1, np.int64)
+    fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, none, recipe_of(world, photons, settings), zones)
+    counters["pixels_without_photons"] += int(np.count_nonzero(zones.count == 0))
+    return zones.irradiance
+
+
+def dark_notes(photons: PhotonMap, counters: Counter[str]) -> tuple[str, ...]:
+    """Why pixels are black that no photon reached."""
+    if not len(photons):
+        return ("no light reaches a surface after a reflection: there is no indirect light",)
+    dark = counters["pixels_without_photons"]
+    return (f"{dark} pixels have no photon within the largest zone: their indirect light is black",) if dark else ()
+
+
+def warm_up(world: World) -> None:
+    """Compile (or load) the kernels and build the ray caster, so that no measured pass pays for it."""
+    from renderers.transport.caching.splat import warm_up as compile_splat
+
+    warm_up_photons(world)
+    compile_splat()
+
+
+register(PhotonMappedIrradianceCaching)

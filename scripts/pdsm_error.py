@@ -1,0 +1,177 @@
+"""Penumbra deep shadow maps: error over samples, resolution and compression, and which approximation it comes from.
+
+Run: `LUXMETER_SCENES=folder PYTHONPATH=. python scripts/pdsm_error.py [scene …]`. Prints Markdown tables.
+For the brightest area light of each scene, at every pixel that it lights: the hidden share V before the horizon against shadow rays
+to 1,024 points of the light, and the whole image against Mitsuba's direct light. One line adds one approximation to that above it:
+
+    rays      shadow rays to N light points              light sampling
+    maps      N shadow maps read at the point itself     map resolution and bias
+    rays of the pyramid, uncompressed                    projection centre
+    compressed                                           compression
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.metrics import structural_similarity
+
+import renderers
+from jobs.scenes import open_scene
+from renderers.gbuffer import GBuffer
+from renderers.scene.model import Scene
+from renderers.scene.world import World
+from renderers.transport.direct import direct, receivers_of
+from renderers.transport.penumbra.assemble import Construction, recompressed
+from renderers.transport.penumbra.build import LightShadows, Slope, build
+from renderers.transport.penumbra.emitters import Emitter, emitters_of
+from renderers.transport.penumbra.filtered import FilteredMaps, averaged
+from renderers.transport.penumbra.shading import before_horizon, cast_hidden, shaded, shining
+from renderers.transport.primary import cast_gbuffer
+
+SCENES = ("leaves", "armadillo", "spot", "cornell-box:light=area", "rectangle-light", "jungle")
+SIZE = (128, 96)
+BIAS = 2.5e-4
+TRUTH_POINTS = 1024
+# of the light without shadows; both decide which pixels it reaches
+LIGHT_SAMPLES, SEED = 256, 1
+F64 = NDArray[np.float64]
+
+
+class Case(NamedTuple):
+    """One scene's lit pixels and the true share of its brightest lamp that is hidden there."""
+
+    scene: Scene
+    world: World
+    gbuffer: GBuffer
+    lamp: Emitter
+    rows: NDArray[np.intp]
+    position: F64
+    normal: F64
+    geometric: F64
+    truth: F64
+
+
+def case_of(name: str) -> Case:
+    """Open a scene and cast its truth."""
+    scene = open_scene(name).scene
+    world = scene.world()
+    gbuffer = cast_gbuffer(world, SIZE)
+    lamp = emitters_of(world)[0]
+    free = direct(shining(world, lamp.triangles), gbuffer, LIGHT_SAMPLES, SEED, "none").reshape(-1, 3)
+    rows = np.flatnonzero(free.any(axis=1))
+    at = receivers_of(world, gbuffer, rows)
+    away = np.einsum("ij,ij->i", at.geometric, at.normal) < 0
+    geometric = np.where(away[:, None], -at.geometric, at.geometric)
+    points = lamp.points(TRUTH_POINTS, 99)
+    truth = before_horizon(cast_hidden(world, lamp, points, at.position, geometric, Counter()), at.position, at.normal, points)
+    return Case(scene, world, gbuffer, lamp, rows, at.position, at.normal, geometric, truth)
+
+
+def share(case: Case, points: F64, hidden: NDArray[np.floating]) -> F64:
+    """V before the horizon, ray cast where maps don't reach."""
+    v = np.array(hidden, np.float64)
+    missing = np.flatnonzero(v < 0)
+    v[missing] = cast_hidden(case.world, case.lamp, points, case.position[missing], case.geometric[missing], Counter())
+    return before_horizon(v, case.position, case.normal, points)
+
+
+def figures(case: Case, v: F64) -> str:
+    """RMSE, pixels over 2 % and SSIM of V."""
+    error = v - case.truth
+    images = []
+    for values in (case.truth, v):
+        image = np.zeros(case.gbuffer.triangle.size)
+        image[case.rows] = values
+        images.append(image.reshape(case.gbuffer.triangle.shape))
+    _, local = structural_similarity(
+        *images, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, full=True
+    )
+    ssim = float(local.ravel()[case.rows].mean())
+    return f"{np.sqrt((error**2).mean()):.4f} | {(np.abs(error) > 0.02).mean():.1%} | {error.mean():+.4f} | {ssim:.4f}"
+
+
+def causes(case: Case, name: str, samples: int, resolution: int) -> LightShadows:
+    """Print the chain of approximations at one setting; returns the uncompressed structure."""
+    points = case.lamp.points(samples, 0)
+    rays = cast_hidden(case.world, case.lamp, points, case.position, case.geometric, Counter())
+    print(f"| {name} | rays, N {samples} | {figures(case, share(case, points, rays))} |")
+    maps = FilteredMaps(case.world, case.lamp, points, points, resolution, 1.0, Counter())
+    tests = maps.hidden(case.position, case.geometric, averaged(BIAS))
+    print(f"| | + maps {resolution}² | {figures(case, share(case, points, tests))} |")
+    made = built(case, samples, resolution)
+    print(f"| | + pyramid {resolution}² | {figures(case, share(case, points, made.hidden(case.position)))} |", flush=True)
+    small = compressed(made, 0.02)
+    print(f"| | + compression 2 % | {figures(case, share(case, points, small.hidden(case.position)))} |", flush=True)
+    return made
+
+
+def built(case: Case, samples: int, resolution: int) -> LightShadows:
+    """The uncompressed structure."""
+    how = Construction(bias=BIAS, compression="none")
+    points = case.lamp.points(samples, 0)
+    return build(case.world, case.lamp, points, resolution=resolution, map_resolution=resolution, how=how, slope=Slope())
+
+
+def compressed(made: LightShadows, epsilon: float) -> LightShadows:
+    """The same with a tolerance."""
+    how = Construction(bias=BIAS, epsilon=epsilon)
+    return replace(made, maps=tuple(recompressed(one, how) for one in made.maps))
+
+
+def grid(
+    case: Case, name: str, samples: tuple[int, ...], resolutions: tuple[int, ...], known: dict[tuple[int, int], LightShadows]
+) -> None:
+    """Print error over samples, resolution and tolerance."""
+    for n in samples:
+        points = case.lamp.points(n, 0)
+        for r in resolutions:
+            made = known.get((n, r)) or built(case, n, r)
+            cells = []
+            for epsilon in (0.0, 0.02, 0.05):
+                used = compressed(made, epsilon) if epsilon else made
+                v = share(case, points, used.hidden(case.position))
+                cells.append(f"{np.sqrt(((v - case.truth) ** 2).mean()):.4f} / {(np.abs(v - case.truth) > 0.02).mean():.1%}")
+            print(f"| {name} | {n} | {r} | {' | '.join(cells)} |", flush=True)
+
+
+def against_mitsuba(case: Case, name: str, made: LightShadows) -> None:
+    """Print metrics of the whole picture: pdsm, and the same with the true V, against Mitsuba's direct light."""
+    from renderers import reference
+    from reports.metrics import Pair
+    from reports.registry import METRICS
+
+    truth = reference.render(case.scene, "direct", size=SIZE, noise=0.004, max_seconds=60)
+    exposure = reference.exposure(truth)
+    lamps = emitters_of(case.world)
+    ours = share(case, case.lamp.points(256, 0), made.hidden(case.position))
+    for label, values in (("true V", case.truth), ("pdsm", ours)):
+        image = shaded(
+            case.world, case.gbuffer, [case.lamp], [case.lamp.points(64, 0)], lambda k, p, n, v=values: v.astype(np.float32),
+            LIGHT_SAMPLES, SEED, Counter(), horizon=False,
+        )  # fmt: skip
+        pair = Pair(image, truth.image, exposure)
+        found = {m: METRICS[m].function(pair) for m in ("rmse", "ssim", "over_2pct")}  # type: ignore[misc]
+        rest = "" if len(lamps) == 1 else f", {len(lamps) - 1} other area lights ray cast"
+        row = f"{found['rmse']:.2f} | {found['ssim']:.4f} | {found['over_2pct']:.1%} | {truth.noise:.4f}"
+        print(f"| {name} | {label}{rest} | {row} |", flush=True)
+
+
+def main() -> None:
+    """Three tables for each scene."""
+    renderers.registered_methods()
+    for name in sys.argv[1:] or SCENES:
+        case = case_of(name)
+        print(f"\n{name}: {case.lamp.kind}, {len(case.rows)} pixels\n", flush=True)
+        fine = causes(case, name, 256, 512)
+        against_mitsuba(case, name, compressed(fine, 0.02))
+        grid(case, name, (16, 64, 256), (128, 256, 512), {(256, 512): fine})
+
+
+if __name__ == "__main__":
+    main()
