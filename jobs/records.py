@@ -326,8 +326,7 @@ class Records:
 
 def _begin(connection: sa.Connection, wait_s: float) -> None:
     """Take SQLite's write lock. Raises sqlite3.OperationalError where others hold it all that time."""
-    driver = connection.connection.dbapi_connection
-    assert isinstance(driver, sqlite3.Connection)
+    driver: Any = connection.connection.dbapi_connection  # a sqlite3.Connection
     driver.execute("pragma busy_timeout=0")
     end = time.monotonic() + wait_s
     try:
