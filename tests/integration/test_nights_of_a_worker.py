@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from jobs.durable import Stopped
+from jobs.durable.workplace import Stopped
 from jobs.errors import RequestError
 from jobs.stopped import children
 from reports.runs import RunInfo, history
