@@ -37,9 +37,19 @@ class Nights:
         suites.load(suite).plans()
         self._arguments = ["nightly", "--suite", str(suite.resolve()), "--quiet", *(["--webhook", webhook] if webhook else [])]
         self._home, self._stop = home, stop
+        self._running = threading.Lock()
 
     def __call__(self, scheduled: datetime) -> None:
         """One night. Raises Stopped when the worker is told to stop before it is over: the next worker runs it anew."""
+        if not self._running.acquire(blocking=False):
+            log.warning("the night of %s is left out: the one before still runs", scheduled.isoformat(timespec="minutes"))
+            return
+        try:
+            self._run(scheduled)
+        finally:
+            self._running.release()
+
+    def _run(self, scheduled: datetime) -> None:
         log.info("nightly suite of %s begins", scheduled.isoformat(timespec="minutes"))
         with tempfile.TemporaryFile("w+", errors="replace") as output:
             code = self._carry_out(output)

@@ -41,7 +41,7 @@ def suite(folder: Path, mode: str = "good") -> Path:
 @pytest.mark.mitsuba
 def test_a_worker_renders_its_suite_at_the_time_of_its_cron_line(tmp_path: Path) -> None:
     home = tmp_path / "home"
-    command = [sys.executable, "-m", "service", "worker", "--nightly", str(suite(tmp_path)), "--cron", "* * * * * *"]
+    command = [sys.executable, "-m", "service", "worker", "--nightly", str(suite(tmp_path)), "--cron", "*/5 * * * * *"]
     with (tmp_path / "log").open("wb") as log:
         worker = subprocess.Popen(command, cwd=ROOT, env=os.environ | {"LUXMETER_HOME": str(home)}, stderr=log)
         try:
@@ -64,13 +64,17 @@ def wait_for_run(home: Path, worker: subprocess.Popen[bytes], seconds: float = 9
     raise AssertionError(f"no run after {seconds} s")
 
 
-def test_a_night_ends_with_its_worker_and_leaves_no_run(tmp_path: Path) -> None:
+def test_a_night_ends_with_its_worker_and_leaves_no_run(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     stop = threading.Event()
     nights = Nights(suite(tmp_path, "hang"), tmp_path / "home", stop)
     threading.Timer(2.0, stop.set).start()
     before = set(children(os.getpid()))
+    overlapping = threading.Timer(0.5, nights, [datetime.now(UTC)])
+    overlapping.start()
     with pytest.raises(Stopped):
         nights(datetime.now(UTC))
+    overlapping.join()
+    assert "the one before still runs" in caplog.text
     assert set(children(os.getpid())) <= before
     assert history(tmp_path / "home") == []
 
