@@ -1,11 +1,12 @@
 """Forward light cuts at equal cost: `python -m benchmarks.equal_cost [--out FOLDER]`, about ten minutes on two cores.
 
-Speed-against-error curves of `flc` (default, and as published), `ir`, `stochastic-lightcuts` and `pt` in eight scenes, six built
-in and two of LUXMETER_SCENES (built-in ones in their place where that is unset). All draw direct light and one bounce without
-occlusion of the indirect segment. Error is the noise about a method's own limit: RMSE of linear radiance over its mean; of the
-indirect layer, where direct light is a layer of its own, the same for all. The limit of methods with virtual lights is `ir` with
-many of them and the same clamp, that of `pt` is `pt` with many paths; the distance between the two, the clamp's bias, is printed
-beside. Cost is CPU milliseconds of the render stage, and light evaluations a pixel.
+Speed-against-error curves of `flc` (default, and as published), `ir`, `stochastic-lightcuts` and `pt` in eight scenes, six
+built in and two of LUXMETER_SCENES (built-in ones in their place where that is unset). All draw direct light and one bounce
+without occlusion of the indirect segment. Error is the noise of the whole image about a method's own limit: RMSE of linear
+radiance over its mean. The limit of methods with virtual lights is `ir` with many of them and the same clamp, that of `pt` is
+`pt` with many paths; the distance between the two, the clamp's bias, is printed beside. Where lights have an area, the noise
+of direct light, the same for all methods with virtual lights, is a floor. Cost is CPU milliseconds of the render stage, and
+light evaluations a pixel.
 
 Writes equal_cost.png, equal_cost.csv (a row a point: mean and 95 % interval over the seeds) and equal_cost_gains.csv.
 """
@@ -16,7 +17,6 @@ import argparse
 import csv
 import os
 from collections import defaultdict
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,8 +88,7 @@ def measured(text: str) -> list[Point]:
     scene = opened(text)
     lights = limit(scene, "ir", vpls=LIMIT_LIGHTS, sampler="low-discrepancy", light_samples=LIMIT_SAMPLES)
     paths = limit(scene, "pt", transport=TRANSPORT, spp=LIMIT_PATHS)
-    mean = float(paths["beauty"].mean())
-    print(f"{text}: the clamp's bias is {distance(lights['beauty'], paths['beauty']) / mean:.4f} of the mean", flush=True)
+    print(f"{text}: the clamp's bias is {distance(lights, paths):.4f} of the mean", flush=True)
     runs: dict[tuple[str, str], list[tuple[float, float, float]]] = defaultdict(list)
     for seed in range(-1, SEEDS):
         for curve, (kind, settings) in CURVES.items():
@@ -97,16 +96,15 @@ def measured(text: str) -> list[Point]:
                 frame = rendered(scene, kind, max(seed, 0), values)
                 if seed < 0:
                     break  # once a method, to compile and load what it needs
-                layer, truth = ("beauty", paths) if kind == "pt" else ("indirect", lights)
-                error = distance(frame.layers[layer], truth[layer]) / mean
+                error = distance(frame.layers["beauty"], paths if kind == "pt" else lights)
                 name = next(k for k in ("cut_size", "spp", "vpls") if k in values)
                 runs[curve, f"{name}={values[name]}"].append((milliseconds(frame), evaluations(frame), error))
     return [summary(text, *key, np.array(values)) for key, values in runs.items()]
 
 
-def limit(scene: renderers.Scene, kind: str, **values: Any) -> Mapping[str, NDArray[np.float32]]:
-    """Layers of what a method converges to."""
-    return rendered(scene, kind, 1 << 20, values).layers
+def limit(scene: renderers.Scene, kind: str, **values: Any) -> NDArray[np.float32]:
+    """What a method converges to."""
+    return rendered(scene, kind, 1 << 20, values).layers["beauty"]
 
 
 def rendered(scene: renderers.Scene, kind: str, seed: int, values: dict[str, Any]) -> Frame:
@@ -117,8 +115,8 @@ def rendered(scene: renderers.Scene, kind: str, seed: int, values: dict[str, Any
 
 
 def distance(image: NDArray[np.float32], truth: NDArray[np.float32]) -> float:
-    """RMSE of linear radiance, all pixels and channels."""
-    return float(np.sqrt(np.mean((image.astype(np.float64) - truth) ** 2)))
+    """RMSE over the mean, linear radiance, all pixels and channels."""
+    return float(np.sqrt(np.mean((image.astype(np.float64) - truth) ** 2)) / truth.mean())
 
 
 def milliseconds(frame: Frame) -> float:
@@ -140,25 +138,27 @@ def summary(scene: str, curve: str, setting: str, values: NDArray[np.float64]) -
 def gains_of(points: list[Point]) -> list[tuple[str, str, str, float]]:
     """(scene, other curve, cost, gain): error² of another curve over that of flc's default at equal cost.
 
-    Geometric mean over flc's points. The other's error at that cost is read from its polygon in log-log, which goes on with slope
-    -1/2, as noise does, beyond its ends.
+    Geometric mean over the costs that both curves were measured at, both read as polygons in log-log; left out where there are
+    none.
     """
-    ours, gains = [p for p in points if p.curve == "flc"], []
+    gains = []
     for curve in CURVES:
-        theirs = [p for p in points if p.curve == curve]
         for cost in ("milliseconds", "evaluations"):
-            if curve == "flc" or (curve == "pt" and cost == "evaluations"):
+            (x, y), (ours, errors) = (polygon(points, name, cost) for name in (curve, "flc"))
+            low, high = max(x[0], ours[0]), min(x[-1], ours[-1])
+            if curve == "flc" or low >= high:
                 continue
-            x = np.log([getattr(p, cost) for p in theirs])
-            y = np.log([p.error for p in theirs])
-            at = np.log([getattr(p, cost) for p in ours])
-            order = np.argsort(x)
-            x, y = x[order], y[order]
-            beyond = -0.5 * (np.minimum(at - x[0], 0) + np.maximum(at - x[-1], 0))
-            other = np.interp(at, x, y) + beyond
-            gain = np.exp(2 * np.mean(other - np.log([p.error for p in ours])))
-            gains.append((ours[0].scene, curve, cost, float(gain)))
+            at = np.linspace(low, high, 101)
+            gain = np.exp(2 * np.mean(np.interp(at, x, y) - np.interp(at, ours, errors)))
+            gains.append((points[0].scene, curve, cost, float(gain)))
     return gains
+
+
+def polygon(points: list[Point], curve: str, cost: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Logarithms of cost, ascending, and of error of one curve."""
+    own = sorted((getattr(p, cost), p.error) for p in points if p.curve == curve)
+    x, y = np.log(np.maximum(np.array(own), 1e-30)).T
+    return x, y
 
 
 def summarise(gains: list[tuple[str, str, str, float]]) -> None:
