@@ -1,8 +1,8 @@
 """Point resampling against the number of triangles: `python -m benchmarks.resampling [--backends cpu gl]`.
 
 The colonnade at 20 thousand, 200 thousand and 2 million triangles, the same number of points: CPU milliseconds of a frame (all
-threads, medians, "prepare" passes left out) and of its passes, and how much the frame grows. Then the same while one piece of it moves,
-everything counted: the triangles are flattened and uploaded anew and the ray caster is built anew in every frame.
+threads, medians, "prepare" passes left out) and of its passes, and how much the frame grows. Then the same while one piece of it
+moves, everything counted: triangles are flattened and uploaded anew, and the ray caster is built anew, in every frame.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def moving(scene: Scene) -> Scene:
     """The scene with its last piece moving by a centimetre a frame."""
     piece = max(index for index, node in enumerate(scene.nodes) if node.meshes)
     start = np.array(scene.nodes[piece].translation)
-    keys = np.array([0.0, 10.0]), np.stack([start, start + [10 * 0.01 * scene.fps, 0, 0]])
+    keys = np.array([0.0, 10.0]), np.stack([start, start + np.array([10 * 0.01 * scene.fps, 0, 0])])
     return replace(scene, channels=(Channel("node", piece, "translation", *keys),))
 
 

@@ -4,7 +4,7 @@ A folder by default; any fsspec URL (LUXMETER_STORE), so that several machines s
 
   sha256/ab/abcd…      the bytes whose hash is abcd…
   keys/ab/abcd….json   the first binding of a key (abcd… is the key's hash): what was made, and its identity
-  clashes/abcd….json   a later binding of that key with another identity: a determinism failure
+  clashes/abcd….*.json later bindings of that key with other identities: determinism failures
 
 In a folder each file is written under a temporary name, flushed to disk, and renamed, or linked where it must not replace another.
 Object stores put whole objects; a key is created with mode `xb` where the store has it, and otherwise after asking whether it
@@ -26,6 +26,8 @@ from typing import Any, BinaryIO
 
 from jobs.errors import StoreError
 from jobs.points import reach
+
+PART = ".part"
 
 
 @dataclass(frozen=True)
@@ -105,8 +107,9 @@ class Artifacts:
             reach("artifact after bind")
             clash = first["identity"] != identity
             if clash:
-                other = hashlib.sha256(f"{name}{identity}".encode()).hexdigest()
-                self._create(f"{self._root}/clashes/{other}.json", json.dumps(entry | {"first": first["identity"]}).encode())
+                other = hashlib.sha256(identity.encode()).hexdigest()
+                path = f"{self._root}/clashes/{name}.{other[:16]}.json"
+                self._create(path, json.dumps(entry | {"first": first["identity"]}).encode())
         return Bound(first["identity"], first["value"], clash)
 
     def point(self, key: str, value: dict[str, Any]) -> None:
@@ -130,13 +133,21 @@ class Artifacts:
                 return None
         return Bound(entry["identity"], entry["value"])
 
+    def clashed(self, key: str) -> bool:
+        """Whether a determinism failure of this key was ever met."""
+        return any(Path(path).name.startswith(hashlib.sha256(key.encode()).hexdigest()) for path in self._clash_files())
+
     def clashes(self) -> list[dict[str, Any]]:
         """Every determinism failure met: key, the identity that came first, and the other one."""
+        with _readable_errors(self.url):
+            return [json.loads(self._files.cat_file(path)) for path in self._clash_files()]
+
+    def _clash_files(self) -> list[str]:
         with _readable_errors(self.url):
             folder = f"{self._root}/clashes"
             if not self._files.isdir(folder):
                 return []
-            return [json.loads(self._files.cat_file(path)) for path in sorted(self._files.ls(folder, detail=False))]
+            return sorted(path for path in self._files.ls(folder, detail=False) if path.endswith(".json"))
 
     def entries(self, kind: str) -> Iterator[tuple[str, int, float]]:
         """Every file of `sha256` or `keys`: path in the store, bytes, and when it was written or used last (0 where unknown)."""
@@ -148,13 +159,20 @@ class Artifacts:
                 if not Path(path).name.startswith("."):
                     yield path, int(info["size"]), _modified(info)
 
+    def leftovers(self) -> Iterator[tuple[str, float]]:
+        """Files that were being written: path and when it was written last. Those of a process that was killed stay."""
+        if self.local:
+            for path in Path(self._root).glob(f"*/**/.*{PART}"):
+                with contextlib.suppress(FileNotFoundError):
+                    yield str(path), path.stat().st_mtime
+
     def read(self, path: str) -> bytes:
         """Bytes of a file that `entries` named."""
         with _readable_errors(self.url):
             return bytes(self._files.cat_file(path))
 
     def remove(self, path: str) -> None:
-        """Remove a file that `entries` named; one that is gone already is fine."""
+        """Remove a file that `entries` or `leftovers` named; one that is gone already is fine."""
         with _readable_errors(self.url), contextlib.suppress(FileNotFoundError):
             self._files.rm_file(path)
 
@@ -202,7 +220,7 @@ def is_hash(name: str) -> bool:
 def _temporary(path: Path, data: bytes) -> Iterator[Path]:
     """A file of these bytes beside `path`, flushed to disk; gone when the block ends."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=PART)
     temporary = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:

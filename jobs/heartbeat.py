@@ -12,14 +12,15 @@ from pathlib import Path
 
 import sqlalchemy as sa
 
-from jobs.database import is_sqlite
-from jobs.durable import Client, Engine
+from jobs.database import file_of
+from jobs.durable.client import Client
+from jobs.durable.engine import Engine
 from jobs.errors import StoreError
 from jobs.machine import holder, let_go
 from jobs.place import lock_of
 from jobs.points import reach
 from jobs.records import Records
-from jobs.stopped import end_tasks, wake
+from jobs.stopped import end_tasks, keepers, wake
 
 log = logging.getLogger(__name__)
 
@@ -74,6 +75,8 @@ class Heartbeat:
                 self._beat(engine, client)
             except (StoreError, sa.exc.SQLAlchemyError) as error:  # the next beat may find it there again
                 log.warning("heartbeat: %s", error)
+            except Exception:  # the thread's edge: a worker that falls silent loses all its work
+                log.exception("heartbeat")
             if self._ended.wait(self._lease_s / 4):
                 return
 
@@ -89,11 +92,8 @@ class Heartbeat:
 
     def _say(self) -> None:
         """Say that this worker lives, and note those that don't any more."""
-        try:
-            dead = self._records.beat(self._executor, self._started, self._lease_s)
-        except StoreError:
-            self._free_the_database()
-            raise
+        self._free_the_database()
+        dead = self._records.beat(self._executor, self._started, self._lease_s)
         for name in dead:
             log.warning("taking over from %s", name)
             self._free_the_machine(name)
@@ -107,13 +107,11 @@ class Heartbeat:
             log.warning("%s is stopped or stuck: ended %d of its tasks", name, end_tasks(pid))
 
     def _free_the_database(self) -> None:
-        """A worker stopped in the middle of a transaction keeps the one write lock of an SQLite file: let it go on."""
-        if not is_sqlite(self._url):
-            return  # PostgreSQL itself ends a transaction that stands still
-        for name in self._records.silent(self._lease_s):
-            pid = self._holder(name)
-            if pid is not None and wake(pid):
-                log.warning("woke %s, which was stopped and may hold the database", name)
+        """Whoever is stopped with a lock on an SQLite file keeps everyone from it: let it go on, so that it lets go."""
+        path = file_of(self._url)  # PostgreSQL itself ends a transaction that stands still
+        for pid in [] if path is None else keepers(path):
+            if wake(pid):
+                log.warning("woke process %d, which was stopped and held the database", pid)
 
     def _holder(self, name: str) -> int | None:
         """Process id of a worker of this data folder whose process is there."""

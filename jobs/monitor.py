@@ -72,6 +72,8 @@ class Monitor:
                 self._ask(watched)
             except (StoreError, sa.exc.SQLAlchemyError) as error:  # a database that is away for a while is no reason to stop
                 log.warning("can't ask whether work is still wanted: %s", error)
+            except Exception:  # the thread's edge: nothing could be cancelled any more
+                log.exception("can't ask whether work is still wanted")
 
     def _ask(self, watched: Sequence[Watched]) -> None:
         rows = self._look([one.workflow for one in watched])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -53,22 +54,27 @@ class Plan:
 
 def plan(request: EvaluationRequest) -> Plan:
     """Expand scenes × methods × settings × seeds × frames. Raises RequestError, SceneError or UnknownMethod in one line."""
+    count = cell_count(request)
+    if count > MOST_CELLS:
+        raise RequestError(f"{count} cells are more than one evaluation takes ({MOST_CELLS})")
     request = normalised(request)
     variants = [variant for wanted in request.methods for variant in expand(wanted)]
     labels = [v.label for v in variants]
     twice = sorted({label for label in labels if labels.count(label) > 1})
     if twice:
         raise RequestError(f"{twice[0]} is asked for twice")
-    frames = request.frames[1] - request.frames[0] + 1
-    count = len(request.scenes) * len(variants) * request.seeds * frames
-    if count > MOST_CELLS:
-        raise RequestError(f"{count} cells are more than one evaluation takes ({MOST_CELLS})")
     result = Plan(request, evaluation_id(request))
     for text in request.scenes:
         _add_scene(result, open_scene(text), variants)
     if len(result.refused) == len(result.cells):
         raise RequestError(next(iter(result.refused.values())))
     return result
+
+
+def cell_count(request: EvaluationRequest) -> int:
+    """How many cells a request has; asked before anything is expanded, since a body of a few kilobytes may ask for billions."""
+    variants = sum(math.prod(len(values) for values in wanted.sweep.values()) for wanted in request.methods)
+    return len(request.scenes) * variants * request.seeds * (request.frames[1] - request.frames[0] + 1)
 
 
 def expand(wanted: MethodRequest) -> Iterator[Variant]:

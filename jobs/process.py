@@ -9,7 +9,6 @@ import selectors
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
 from jobs.errors import Failure, TaskError
+from jobs.leftovers import work_folder
 from jobs.tasks import AnyTask
 
 POLL_S = 0.1
@@ -42,8 +42,8 @@ class Limits:
 
 def run_task(task: AnyTask, limits: Limits, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
     """Carry out the task in a child process; returns what it answers. Raises TaskError in one line, with the child's log."""
-    with tempfile.TemporaryDirectory(prefix="luxmeter-") as folder:
-        order, answer, log = Path(folder, "task.json"), Path(folder, "answer.json"), Path(folder, "log.txt")
+    with work_folder() as folder:
+        order, answer, log = folder / "task.json", folder / "answer.json", folder / "log.txt"
         order.write_text(task.model_dump_json())
         reader, writer = os.pipe()
         with open(reader, "rb", buffering=0) as pipe, log.open("wb") as output:

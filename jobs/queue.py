@@ -13,14 +13,11 @@ import time
 import uuid
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from pydantic import TypeAdapter
-
 from jobs.artifacts import Artifacts
-from jobs.durable import Client, load_plan
+from jobs.durable.client import Client
 from jobs.folder import cells_of, files_of, write_folder
 from jobs.graph import REPORT, graph
 from jobs.intake import Intake, Submission
@@ -30,6 +27,7 @@ from jobs.points import reach
 from jobs.records import LIVE, Records, Row
 from jobs.request import EvaluationRequest
 from jobs.store import Store
+from jobs.stored_plans import load_plan, store_plan
 from jobs.worker import Worker
 from reports.folder import Cell, State
 from reports.results import Result
@@ -66,7 +64,9 @@ class JobQueue:
         self.artifacts = Artifacts(store or home.artifacts)
         self.records = Records(database or home.database)
         self._client = Client(self.records.url)
-        self._intake = Intake(self.records, lambda connection, s: self._client.enqueue(s.order.evaluation, 1, s.priority, connection))
+        self._intake = Intake(
+            self.records, lambda connection, s: self._client.enqueue(s.order.evaluation, 1, s.priority, connection)
+        )
 
     def close(self) -> None:
         """Close all connections."""
@@ -83,7 +83,7 @@ class JobQueue:
 
     def order(self, planned: Plan, id: str, **how: Any) -> Order:
         """How to carry a plan out as evaluation `id`; stores the plan."""
-        stored = self.artifacts.put(_plans().dump_json(planned))
+        stored = store_plan(self.artifacts, planned)
         created = datetime.now(UTC).isoformat(timespec="seconds")
         return Order(evaluation=id, plan=stored, run=uuid.uuid4().hex[:16], created=created, **how)
 
@@ -197,12 +197,6 @@ class JobQueue:
 
     def _plan(self, row: Row) -> Plan:
         return load_plan(self.artifacts, Order.model_validate_json(row["order"]).plan)
-
-
-@cache
-def _plans() -> TypeAdapter[Plan]:
-    """Plans as JSON; making this takes longer than using it."""
-    return TypeAdapter(Plan)
 
 
 def _status(row: Row, done: int, cells: list[Cell]) -> Status:

@@ -50,8 +50,8 @@ class Records:
     def urgent(self) -> Iterator[sa.Connection]:
         """A transaction that writes, and gets SQLite's write lock soon after it is free.
 
-        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks least,
-        and waits for seconds. This one asks every millisecond for as long.
+        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks
+        least, and waits for seconds. This one asks every millisecond for as long.
         """
         if not is_sqlite(self.url):
             with self.transaction() as connection:
@@ -231,11 +231,6 @@ class Records:
             dead = sa.delete(WORKERS).where(WORKERS.c.seen < now - lease_s, WORKERS.c.id != worker).returning(WORKERS.c.id)
             return list(c.execute(dead).scalars())
 
-    def silent(self, lease_s: float) -> list[str]:
-        """Workers that were silent for longer than the lease. A question only: it is answered while another process may write."""
-        with self.transaction() as c:
-            return list(c.execute(sa.select(WORKERS.c.id).where(WORKERS.c.seen < self._now(c) - lease_s)).scalars())
-
     def leave(self, worker: str) -> None:
         """A worker ends in good order: what it left is taken over at the next heartbeat of another one."""
         with self.transaction() as c:
@@ -326,8 +321,7 @@ class Records:
 
 def _begin(connection: sa.Connection, wait_s: float) -> None:
     """Take SQLite's write lock. Raises sqlite3.OperationalError where others hold it all that time."""
-    driver = connection.connection.dbapi_connection
-    assert isinstance(driver, sqlite3.Connection)
+    driver: Any = connection.connection.dbapi_connection
     driver.execute("pragma busy_timeout=0")
     end = time.monotonic() + wait_s
     try:

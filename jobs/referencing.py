@@ -17,6 +17,7 @@ from renderers.images import write_exr
 from renderers.reference import Reference
 from renderers.reference import store as references
 from reports.folder import ReferenceInfo
+from reports.results import NOT_DETERMINISTIC
 
 SPP: Literal[64, 256] = 64  # samples a pixel of one replicate, the renderer's default
 
@@ -73,5 +74,5 @@ def reference(task: ReferenceTask, progress: Callable[[dict[str, Any]], None]) -
         notes=list(ref.notes),
     )  # fmt: skip
     if shared is not None and shared.push(ref, digest):
-        info.notes.append(f"determinism failure: these {ref.n} replicates differ from those that were stored first")
+        info.notes.append(f"{NOT_DETERMINISTIC}: these {ref.n} replicates differ from those that were stored first")
     return {"info": info.model_dump(mode="json"), "scene_hash": scene.hash, "exposure": renderer.exposure(ref)}

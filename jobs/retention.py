@@ -11,11 +11,10 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import Any
 
 from jobs.artifacts import is_hash
-from jobs.machine import only_one
 from jobs.queue import JobQueue
 
 DAY_S = 86_400.0
@@ -24,12 +23,13 @@ GRACE_S = 2 * DAY_S
 
 @dataclass(frozen=True)
 class Removed:
-    """What a clean-up removed: evaluations, cache entries, artefacts, and their bytes."""
+    """What a clean-up removed: evaluations, cache entries, artefacts, and their bytes; and files that were never finished."""
 
     evaluations: int = 0
     entries: int = 0
     artifacts: int = 0
     size: int = 0
+    unfinished: int = 0
 
 
 def clean_up(
@@ -49,21 +49,10 @@ def clean_up(
         entries = _give_way(queue, kept, sizes, needed, most_bytes, moment - grace_s)
     alive = needed | {name for entry, _ in kept.values() for name in hashes_in(entry)}
     doomed = [item for name, item in sizes.items() if name not in alive and item[2] < moment - grace_s]
-    for path, _, _ in doomed:
+    unfinished = [path for path, written in queue.artifacts.leftovers() if written < moment - grace_s]
+    for path in [path for path, _, _ in doomed] + unfinished:
         queue.artifacts.remove(path)
-    return Removed(len(old), entries, len(doomed), sum(size for _, size, _ in doomed))
-
-
-def clean_up_runs(folder: Path, days: float = 7.0) -> list[str]:
-    """Remove databases of commands that were killed and never repeated; returns their names."""
-    removed = []
-    for path in sorted(folder.glob("*.sqlite")):
-        with only_one(path.with_suffix(".lock")) as ours:
-            if ours and time.time() - path.stat().st_mtime > days * DAY_S:
-                for suffix in ("", "-wal", "-shm"):
-                    path.with_name(path.name + suffix).unlink(missing_ok=True)
-                removed.append(path.name)
-    return removed
+    return Removed(len(old), entries, len(doomed), sum(size for _, size, _ in doomed), len(unfinished))
 
 
 def hashes_in(value: Any) -> set[str]:

@@ -1,7 +1,7 @@
-"""What a worker that is stopped (SIGSTOP, Ctrl-Z) still holds, and how others get it: they can't ask, so they act on its process.
+"""What a process that is stopped (SIGSTOP, Ctrl-Z) still holds, and how others get it: they can't ask, so they act on it.
 
-A stopped worker isn't dead: its locks stay, and its children, which nobody stopped, go on. Acted on are only workers of one data
-folder and machine, found by the lock that each of them holds on its place.
+A stopped worker isn't dead: its locks stay, and its children, which nobody stopped, go on. The tasks of a worker are ended that is
+known by the lock on its place; whoever holds the lock of a database is woken, worker or not.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 
 
@@ -29,6 +30,25 @@ def wake(pid: int) -> bool:
     return True
 
 
+def keepers(database: Path) -> list[int]:
+    """Process ids of those who keep others from an SQLite file by a lock on it or on the index of its write-ahead log.
+
+    Read in the kernel's list of locks: to ask through the file, it would have to be opened, and closing it again would free all
+    locks that this process itself has on it. The list names inodes; that it is our file's is asked of the process.
+    """
+    locks = Path("/proc/locks")
+    if not locks.is_file():  # some sandboxes have none
+        return []
+    files = [path for path in (database, database.with_name(f"{database.name}-shm")) if path.exists()]
+    inodes = {str(path.stat().st_ino) for path in files}
+    found = []
+    for line in locks.read_text().splitlines():
+        _, kind, _, mode, pid, place, *_ = line.replace("->", "").split()
+        if (kind, mode) == ("POSIX", "WRITE") and place.rpartition(":")[2] in inodes and _has_open(int(pid), files):
+            found.append(int(pid))
+    return found
+
+
 def end_tasks(pid: int) -> int:
     """Kill the tasks that a process has in children, each with all it started: what they make is lost anyway. How many."""
     tasks = [child for child in children(pid) if _is_task(child)]
@@ -46,6 +66,15 @@ def children(pid: int) -> list[int]:
             if stat.read_text().rsplit(")", 1)[1].split()[1] == str(pid):
                 found.append(int(stat.parent.name))
     return found
+
+
+def _has_open(pid: int, files: Sequence[Path]) -> bool:
+    """Whether a process, one of this user, has one of these files open."""
+    try:
+        links = [link for link in Path(f"/proc/{pid}/fd").iterdir() if link.exists()]
+        return any(link.samefile(file) for link in links for file in files)
+    except (FileNotFoundError, PermissionError, ProcessLookupError):
+        return False
 
 
 def _is_task(pid: int) -> bool:

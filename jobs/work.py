@@ -6,7 +6,6 @@ says under which hashes.
 
 from __future__ import annotations
 
-import tempfile
 import time
 import traceback
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from jobs.errors import Failure, StoreError, TaskError, describe
 from jobs.files import write_model
 from jobs.folder import write_folder
 from jobs.graph import Node, exposure_reference, references_of
+from jobs.leftovers import work_folder
 from jobs.machine import use_of
 from jobs.outcome import Order, Outcome, Outcomes
 from jobs.plan import Plan, reference_id
@@ -29,7 +29,7 @@ from jobs.process import Limits, run_task
 from jobs.store import Store
 from jobs.tasks import PilotTask, ReferenceTask, RenderTask
 from renderers.images import read_exr
-from reports.results import Result
+from reports.results import NOT_DETERMINISTIC, Result
 
 Task = RenderTask | PilotTask | ReferenceTask
 Progress = Callable[[dict[str, Any]], None]
@@ -63,9 +63,9 @@ def carry_out(plan: Plan, order: Order, node: Node, before: Outcomes, bench: Ben
         "reference": _reference, "pilot": _pilot, "render": _render, "aliasing": _aliasing, "compare": _compare, "report": _report,
     }  # fmt: skip
     try:
-        with machine(node, bench), tempfile.TemporaryDirectory(prefix="luxmeter-") as folder:
+        with machine(node, bench), work_folder() as folder:
             bench.asked()
-            return do[node.kind](plan, order, node, before, bench, Path(folder))
+            return do[node.kind](plan, order, node, before, bench, folder)
     except TaskError as error:
         failure = error
     except StoreError as error:
@@ -129,7 +129,8 @@ def _render(plan: Plan, order: Order, node: Node, before: Outcomes, bench: Bench
     seconds: dict[str, float] = {}
     for timing in (timing for result in rows if not answer["cached"] for timing in result.timings):
         seconds[timing["stage"]] = seconds.get(timing["stage"], 0.0) + timing["wall_s"]
-    return Outcome(files=files, data={"clash": bound.clash}, seconds=seconds)
+    clash = bound.clash or bench.artifacts.clashed(answer["key"])
+    return Outcome(files=files, data={"clash": clash}, seconds=seconds)
 
 
 def _aliasing(plan: Plan, order: Order, node: Node, before: Outcomes, bench: Bench, folder: Path) -> Outcome:
@@ -178,7 +179,7 @@ def _report(plan: Plan, order: Order, node: Node, before: Outcomes, bench: Bench
     return Outcome(files=_commit(bench, folder, [path for path in paths if path.split("/")[0] not in STORED]))
 
 
-CLASH = "determinism failure: an earlier render of the same scene, settings, seed, device and code gave other pixels or counts"
+CLASH = f"{NOT_DETERMINISTIC}: renders of the same scene, settings, seed, device and code gave different pixels or counts"
 
 
 def exposure_of(plan: Plan, scene: str, outcomes: Outcomes) -> float:

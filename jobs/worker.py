@@ -15,8 +15,11 @@ from datetime import datetime
 
 from jobs.artifacts import Artifacts
 from jobs.database import IDLE_S
-from jobs.durable import Client, Engine, Observer
+from jobs.durable.client import Client
+from jobs.durable.engine import Engine
+from jobs.durable.workplace import Observer
 from jobs.heartbeat import Heartbeat
+from jobs.leftovers import clean_up_machine
 from jobs.place import place
 from jobs.process import run_task
 from jobs.records import Records
@@ -59,6 +62,7 @@ class Worker:
         """Work while the block runs."""
         with place(self.home.home) as executor, ExitStack() as after:
             after.callback(self.records.close)
+            clean_up_machine(self.home.home)
             heartbeat = Heartbeat(self.records.url, executor, self.home.home, self.lease_s)
             after.callback(heartbeat.leave)
             heartbeat.announce()
@@ -78,7 +82,7 @@ class Worker:
     def _night(self, scheduled: datetime) -> None:
         """Clean up as LUXMETER_KEEP_DAYS and LUXMETER_KEEP_GIB say, then call the nightly function."""
         from jobs.queue import JobQueue
-        from jobs.retention import clean_up, clean_up_runs
+        from jobs.retention import clean_up
 
         days = float(os.environ.get("LUXMETER_KEEP_DAYS") or KEEP_DAYS)
         gib = os.environ.get("LUXMETER_KEEP_GIB")
@@ -87,7 +91,7 @@ class Worker:
             removed = clean_up(queue, days=days, most_bytes=int(float(gib) * 2**30) if gib else None)
         finally:
             queue.close()
-        clean_up_runs(self.home.home / "runs")
+        clean_up_machine(self.home.home)
         log.info("clean-up: %s", removed)
         if self._nightly is not None:
             self._nightly(scheduled)

@@ -20,7 +20,7 @@ from reports.evidence import Evidence, bars
 from reports.folder import Cell, Evaluation, SceneInfo, read
 from reports.plots import speed_against_error
 from reports.registry import METRICS
-from reports.results import Result
+from reports.results import NOT_DETERMINISTIC, Result
 from reports.rows import Row, gather
 from reports.stored import Images
 from reports.verdicts import summary
@@ -118,10 +118,18 @@ def _scene(images: Images, evaluation: Evaluation, scene: SceneInfo, rows: list[
         "references": [r for r in evaluation.references if r.scene == scene.name],
         "aliasing": _aliasing(scene),
         "files": _files(images.folder, rows),
+        "unreliable": _not_deterministic(evaluation, scene, rows),
         "remarks": [(row.label, row.sentences("approximations"), row.sentences("notes")) for row in rows if row.done],
     }
     images.forget()
     return context
+
+
+def _not_deterministic(evaluation: Evaluation, scene: SceneInfo, rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """Determinism failures of rows and references: what they are of, and the note."""
+    named = [(row.label, row.sentences("notes")) for row in rows]
+    named += [(f"reference {r.id}", r.notes) for r in evaluation.references if r.scene == scene.name]
+    return [(name, note) for name, notes in named for note in notes if note.startswith(NOT_DETERMINISTIC)]
 
 
 def _plots(rows: Sequence[Row], assets: Path, prefix: str) -> list[dict[str, Any]]:

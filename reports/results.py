@@ -6,6 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+NOT_DETERMINISTIC = "determinism failure"  # how a note begins that says that equal questions got different answers
+
 
 class Result(BaseModel):
     """One row. `metrics` holds `matched` and `full` (each metric id → number), and is empty before the comparison.

@@ -49,7 +49,7 @@ def _measured(result: Result) -> dict[str, Any]:
     line["gpu_s"] = sum(g for g in gpu if g is not None) if gpu and None not in gpu else None
     line |= {f"counters.{k}": v for k, v in sorted(result.counters.items())}
     line |= {"peak_rss_bytes": result.peak_rss_bytes, "device": device_string(result), "frame_hash": result.frame_hash}
-    return line | {"scene_hash": result.scene_hash, "settings_hash": result.settings_hash}
+    return line | {"scene_hash": result.scene_hash, "settings_hash": result.settings_hash, "notes": "; ".join(result.notes)}
 
 
 def write_tables(folder: Path, evaluation: Evaluation, results: Mapping[str, Result]) -> None:

@@ -20,7 +20,8 @@ from renderers.method import device_string
 if TYPE_CHECKING:
     from renderers.reference import Reference
 
-WARM_UP_SIZE = (32, 18)
+# divisible by all numbers of interleaved sub-images
+WARM_UP_SIZE = (32, 16)
 
 
 @dataclass

@@ -21,7 +21,8 @@ SIZE = (320, 180)
 SEEDS = 6
 FAMILIES = {"c0": "C⁰", "c-1": "C⁻¹"}
 # R_5 = R_1 · q_a² spans the scene
-LEVELS: dict[str, Any] = {"levels": 5, "reach": 0.25, "q_a": 2.0, "q_n": 2.0, "vpls": 65536, "visibility": "none"}
+LEVELS: dict[str, Any] = {"levels": 5, "reach": 0.25, "q_a": 2.0, "q_n": 2.0, "vpls": 65536}
+COMMON: dict[str, Any] = {"visibility": "none", "sampler": "uniform"}
 DIM = 0.05
 PLANE = 1e-4
 
@@ -44,9 +45,9 @@ def rows_of(bench: Bench, scene: NamedScene) -> list[Row]:
     contours: dict[str, list[float]] = {family: [] for family in FAMILIES}
     touched: dict[str, list[int]] = {family: [] for family in FAMILIES}
     for seed in range(SEEDS):
-        whole = bench.render(scene, "ir", size=SIZE, seed=seed, vpls=LEVELS["vpls"], visibility="none").layers["indirect"]
+        whole = bench.render(scene, "ir", size=SIZE, seed=seed, vpls=LEVELS["vpls"], **COMMON).layers["indirect"]
         for family in FAMILIES:
-            frame = bench.render(scene, "flc", size=SIZE, seed=seed, family=family, **LEVELS)
+            frame = bench.render(scene, "flc", size=SIZE, seed=seed, family=family, **LEVELS, **COMMON)
             contours[family].append(contour(frame.layers["indirect"], whole, pairs))
             touched[family].append(frame.counters["pixels_touched"])
     smoother = [a < b for a, b in zip(contours["c0"], contours["c-1"], strict=True)]

@@ -24,8 +24,12 @@ BUILT_IN = ("colonnade:triangles=20000", "gears", "colonnade:triangles=200000", 
 FROM_FOLDER = ("medieval-building", "satellite")
 LARGE = 150_000
 NOISE, REFERENCE_SECONDS = 0.01, 60.0
-PASSES = {"ssdo": ("bounce",), "dss": ("surfels", "light", "splat"), "flc": ("vpls", "splat")}
-SETTINGS: dict[str, dict[str, Any]] = {"ssdo": {}, "dss": {"interleave": 4}, "flc": {"quality": 0.5, "interleave": 4}}
+PASSES = {"ssdo": ("bounce",), "dss": ("surfels", "light", "splat"), "flc": ("resample", "vpls", "splat")}
+SETTINGS: dict[str, dict[str, Any]] = {
+    "ssdo": {},
+    "dss": {"interleave": 4},
+    "flc": {"family": "c0", "sampler": "resampled", "quality": 0.5, "interleave": 4},
+}
 
 
 class Found(NamedTuple):

@@ -85,12 +85,13 @@ class DeepScreenSpace(OneBounce):
     def prepare(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> Made:
         """Split triangles, light the pieces, draw a sub-image for each."""
         from renderers.transport.sampling import generator
-        from renderers.transport.surfels import lit_surfels, pieces_of
+        from renderers.transport.surfels import pieces_of
+        from renderers.transport.vpl import emit_at
 
         with context.watch("surfels"):
             pieces = pieces_of(world, context.size[1], settings.surfel_size, settings.levels)
         with context.watch("light"):
-            surfels = lit_surfels(world, pieces, settings.light_samples, context.seed, counters)
+            surfels = emit_at(world, *pieces, context.seed, settings.light_samples, counters)
         places = generator(context.seed, "sub-images").integers(settings.interleave**2, size=surfels.drawn)
         return Made(surfels, places[surfels.index])
 

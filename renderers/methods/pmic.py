@@ -7,7 +7,7 @@ No ray and no rasterisation makes a record: the cost of one doesn't depend on th
 walk over the photons covers all of them; a view is then a G-buffer, splats and direct light. A pixel that no record reaches lies
 where no photon fell: `holes = fill` gives it a zone of its own, which grows up to a·r_max, and it is black if that holds no photon.
 
-Passes: photons (trace), tree, records (the walk) in stage prepare, since they serve any camera; gbuffer, direct, splat.
+Passes: photons (trace), tree, records (the walk), refine, in stage prepare since they serve any camera; gbuffer, direct, splat.
 
 | setting       | default   | unit | range                        | meaning                                                      |
 | ------------- | --------- | ---- | ---------------------------- | ------------------------------------------------------------ |
@@ -21,6 +21,7 @@ Passes: photons (trace), tree, records (the walk) in stage prepare, since they s
 | rows, columns | 8, 24     | 1    | 2 … 64, 4 … 256              | hemisphere cells                                             |
 | area          | corrected |      | disc, hull, corrected        | area that a zone's photons stand for                         |
 | r_min, r_max  | auto, 1   | r    | > 0 … 10                     | limits of R, in scene radii; auto: 8 photons in the mean     |
+| rounds        | 1         | 1    | 1 … 4096                     | progressive refinement: so many times N_e photons            |
 | holes         | fill      |      | fill, black                  | pixels without a record                                      |
 | records       | walk      |      | walk, pixels                 | cached, or one at every pixel                                |
 | light_samples | 16        | 1    | 1 … 4096                     | samples of area lights and sky per pixel                     |
@@ -74,6 +75,13 @@ class PmicSettings(PhotonSettings):
     )
     r_min: float | None = setting(None, "smallest R; empty: that which holds 8 photons in the mean", unit="r", gt=0, le=10)
     r_max: float = setting(1.0, "largest R", unit="r", gt=0, le=10)
+    rounds: int = setting(
+        1,
+        "progressive refinement: times N_e photons, averaged with a shrinking radius",
+        source="Knaus & Zwicker 2011",
+        ge=1,
+        le=4096,
+    )
     holes: Literal["fill", "black"] = setting("fill", "pixels without a record: from the nearest photons, or black")
     records: Literal["walk", "pixels"] = setting(
         "walk", "cached records, or one at every pixel, which leaves out the interpolation's own error"
@@ -113,7 +121,13 @@ class PhotonMappedIrradianceCaching(PhotonMapping):
             warm_up(world)
         photons = traced_map(world, settings, context.seed, False, watch, counters, "prepare")
         with watch("records", "prepare"):
-            cache = walk(world, photons, recipe_of(world, photons, settings), counters=counters)
+            recipe = recipe_of(world, photons, settings)
+            cache = walk(world, photons, recipe, counters=counters)
+        if settings.rounds > 1:
+            from renderers.transport.photons.refine import refined
+
+            with watch("refine", "prepare"):
+                cache = refined(world, photons, cache, recipe.estimator, context.seed, settings.rounds, counters)
         return photons, cache
 
     def walkthrough(

@@ -114,36 +114,39 @@ def _gather(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """out (P, 3) float64 += Σ_i w_i f G_b Φ/π of the texels that the samples meet."""
     for i in numba.prange(len(position)):
-        x, frame = position[i], np.empty((3, 3), np.float32)
+        frame = np.empty((3, 3), np.float32)
         if parallel:
             for c in range(3):
-                frame[0, c] = views[0, c, 0] * x[0] + views[0, c, 1] * x[1] + views[0, c, 2] * x[2]
+                frame[0, c] = views[0, c, 0] * position[i, 0] + views[0, c, 1] * position[i, 1] + views[0, c, 2] * position[i, 2]
         else:
-            _frame(x - origin, frame)
+            _frame(position[i] - origin, frame)
         n = (float(normal[i, 0]), float(normal[i, 1]), float(normal[i, 2]))
         v = (view[i, 0], view[i, 1], view[i, 2])
         weight = np.empty(3)
         for k in range(len(samples)):
-            row, column = _texel(frame, samples[k], views, half, centre, parallel, map_flux.shape[1])
+            row, column = _texel(
+                frame, samples[k, 0], samples[k, 1], samples[k, 2], views, half, centre, parallel, map_flux.shape[1]
+            )
             if row < 0:
                 continue
-            y, ny, flux = map_position[row, column], map_normal[row, column], map_flux[row, column]
-            dx, dy, dz = y[0] - x[0], y[1] - x[1], y[2] - x[2]
+            dx = map_position[row, column, 0] - position[i, 0]
+            dy = map_position[row, column, 1] - position[i, 1]
+            dz = map_position[row, column, 2] - position[i, 2]
             r2 = dx * dx + dy * dy + dz * dz
             cx = normal[i, 0] * dx + normal[i, 1] * dy + normal[i, 2] * dz
-            cy = -(ny[0] * dx + ny[1] * dy + ny[2] * dz)
+            cy = -(map_normal[row, column, 0] * dx + map_normal[row, column, 1] * dy + map_normal[row, column, 2] * dz)
             if cx <= 0 or cy <= 0 or r2 <= SAFE_R2:
                 continue
             g = samples[k, 3] / np.pi * cx * cy / (r2 * max(eps_b, r2))
             for c in range(3):
-                weight[c] = g * flux[c]
-            r = np.sqrt(float(r2))
-            light = (float(dx) / r, float(dy) / r, float(dz) / r)
+                weight[c] = g * map_flux[row, column, c]
             if kind[i] == LAMBERT:
                 for c in range(3):
                     out[i, c] += base[i, c] / np.pi * weight[c]
-            else:
-                shade(kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i], n, v, light, weight, out[i])
+                continue
+            r = np.sqrt(float(r2))
+            light = (float(dx) / r, float(dy) / r, float(dz) / r)
+            shade(kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i], n, v, light, weight, out[i])
 
 
 @numba.njit(cache=True)
@@ -160,22 +163,24 @@ def _frame(d, frame):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _texel(frame, sample, views, half, centre, parallel, resolution):  # type: ignore[no-untyped-def]
-    """Row and column of the texel that a sample falls on, row -1 outside the map."""
+def _texel(frame, first, second, third, views, half, centre, parallel, resolution):  # type: ignore[no-untyped-def]
+    """Row and column of the texel that a sample (its three offsets) falls on, row -1 outside the map."""
     tile = 0
     if parallel:
-        s, t = frame[0, 0] + sample[1], frame[0, 1] + sample[2]
+        s, t = frame[0, 0] + second, frame[0, 1] + third
     else:
-        d = sample[0] * frame[0] + sample[1] * frame[1] + sample[2] * frame[2]
+        dx = first * frame[0, 0] + second * frame[1, 0] + third * frame[2, 0]
+        dy = first * frame[0, 1] + second * frame[1, 1] + third * frame[2, 1]
+        dz = first * frame[0, 2] + second * frame[1, 2] + third * frame[2, 2]
         depth = np.float32(-1)
         for k in range(len(views)):
-            z = -(views[k, 2, 0] * d[0] + views[k, 2, 1] * d[1] + views[k, 2, 2] * d[2])
+            z = -(views[k, 2, 0] * dx + views[k, 2, 1] * dy + views[k, 2, 2] * dz)
             if z > depth:
                 depth, tile = z, k
         if depth <= 0:
             return -1, 0
-        s = (views[tile, 0, 0] * d[0] + views[tile, 0, 1] * d[1] + views[tile, 0, 2] * d[2]) / depth
-        t = (views[tile, 1, 0] * d[0] + views[tile, 1, 1] * d[1] + views[tile, 1, 2] * d[2]) / depth
+        s = (views[tile, 0, 0] * dx + views[tile, 0, 1] * dy + views[tile, 0, 2] * dz) / depth
+        t = (views[tile, 1, 0] * dx + views[tile, 1, 1] * dy + views[tile, 1, 2] * dz) / depth
     column = int(np.floor(((s - centre[0]) / half[0] * np.float32(0.5) + np.float32(0.5)) * resolution))
     row = int(np.floor(((t - centre[1]) / half[1] * np.float32(0.5) + np.float32(0.5)) * resolution))
     if column < 0 or row < 0 or column >= resolution or row >= resolution:

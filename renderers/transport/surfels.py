@@ -18,12 +18,9 @@ from numpy.typing import NDArray
 
 from renderers.gbuffer import GBuffer
 from renderers.scene.world import LAMBERT, World
-from renderers.transport.brdf import materials_at, mean_albedo
-from renderers.transport.direct import irradiance
 from renderers.transport.gather import pixels_of
 from renderers.transport.kernels import SAFE_R2, shade
 from renderers.transport.sampling import SurfacePoints
-from renderers.transport.surface import surface_at, turned
 from renderers.transport.tiles import tiles_of
 from renderers.transport.vpl import Vpls
 
@@ -71,25 +68,6 @@ def _quarters(corners: F64) -> F64:
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     parts = [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
     return np.stack(parts, axis=1).reshape(-1, 3, 2)
-
-
-def lit_surfels(world: World, pieces: Pieces, light_samples: int = 16, seed: int = 0, counters: Counter[str] | None = None) -> Vpls:
-    """The lit sides of pieces as virtual lights. counters: `surfels`, `surfels_lit` and `rays` are added to."""
-    surface, count = surface_at(world, *pieces.points), len(pieces.area)
-    albedo = surface.base
-    if (world.materials.kind[surface.material] != LAMBERT).any():
-        albedo = mean_albedo(materials_at(world.materials, surface.material, surface.base))
-    sides, piece = np.concatenate([surface.geometric, -surface.geometric]), np.tile(np.arange(count), 2)
-    bright = albedo[piece].any(axis=1)
-    sides, piece = sides[bright], piece[bright]
-    position, normal = surface.position[piece], turned(surface.normal[piece], sides)
-    light = irradiance(world, position, normal, sides, light_samples, seed, counters=counters)
-    intensity = (albedo[piece] / np.pi * light * pieces.area[piece, None]).astype(np.float32)
-    lit = intensity.any(axis=1)
-    if counters is not None:
-        counters["surfels"] += count
-        counters["surfels_lit"] += int(lit.sum())
-    return Vpls(position[lit].astype(np.float32), sides[lit].astype(np.float32), intensity[lit], piece[lit], count)
 
 
 def splat_surfels(

@@ -54,7 +54,18 @@ def emit_vpls(
 ) -> Vpls:
     """VPLs of `count` points. counters: `vpls_drawn`, `vpls_lit` and `rays` are added to."""
     points = surface_points(world, count, seed, sampler)
-    share = np.full(count, world.areas.sum() / count)
+    return emit_at(world, points, np.full(count, world.areas.sum() / count), seed, light_samples, counters)
+
+
+def emit_at(
+    world: World,
+    points: SurfacePoints,
+    share: NDArray[np.float64],
+    seed: int = 0,
+    light_samples: int = 16,
+    counters: Counter[str] | None = None,
+) -> Vpls:
+    """VPLs of given points, each of which stands for `share` of the surface, World units² (N,)."""
     return _lit(world, points, share, None, None, light_samples, seed, counters)
 
 

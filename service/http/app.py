@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from starlette.responses import Response
 import reports
 from jobs.code import installed
 from jobs.doctor import Check, check_all
-from jobs.errors import RequestError
+from jobs.errors import RequestError, StoreError
 from renderers import SceneError, UnknownMethod, UnsupportedScene
 from service.http import pages, problems
 from service.http.bodies import BodyLimits
@@ -35,7 +36,7 @@ from service.http.routes import comparisons, evaluations, events, methods, opera
 from service.http.routes import reports as report_routes
 from service.http.settings import ServerSettings
 from service.http.site import Site
-from service.http.sources import Sources
+from service.http.sources import RETRY_S, Sources
 from service.http.streams import Streams
 from service.http.thumbnails import Thumbnails
 from service.http.uploads import Uploads
@@ -50,6 +51,7 @@ REFUSALS: dict[type[Exception], str] = {
     UnknownMethod: "unknown-method",
     UnsupportedScene: "unsupported-scene",
 }
+log = logging.getLogger(__name__)
 SCHEMES = {"bearer": {"type": "http", "scheme": "bearer", "description": "Needed once the operator has made a token."}}
 
 
@@ -92,8 +94,16 @@ def create_app(queue: Queue, settings: ServerSettings | None = None, machine: Ca
 def _handle_errors(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, pages.or_problem)
     app.add_exception_handler(RequestValidationError, problems.of_validation)
+    app.add_exception_handler(StoreError, _store_unavailable)
     for kind, name in REFUSALS.items():
         app.add_exception_handler(kind, _refusal(name))
+
+
+def _store_unavailable(request: Request, error: Exception) -> Response:
+    """Database or store is full, locked or away. The log says which and where; clients needn't know."""
+    log.error("%s", error)
+    detail = "the queue's database or the artefact store can't be used now"
+    return problems.response("unavailable", detail, {"retry-after": RETRY_S})
 
 
 def _refusal(name: str) -> Callable[[Request, Exception], Response]:

@@ -23,7 +23,7 @@ class QueueCollector(Collector):
         return []
 
     def collect(self) -> Iterator[Metric]:
-        """Depth, age of the oldest, seconds by method and stage, failures by kind."""
+        """Depth, age of the oldest, seconds by method and stage, failures by kind, determinism failures."""
         stats = self.queue.stats()
         depth = GaugeMetricFamily("luxmeter_queue_depth", "Pieces of work by queue and state.", labels=("queue", "state"))
         oldest = GaugeMetricFamily("luxmeter_queue_oldest_seconds", "Age of the oldest queued piece of work.", labels=("queue",))
@@ -38,7 +38,10 @@ class QueueCollector(Collector):
         for method, stages in stats["seconds"].items():
             for stage, value in stages.items():
                 seconds.add_metric((method, stage), value)
-        yield from (depth, oldest, failures, seconds)
+        clashes = GaugeMetricFamily(
+            "luxmeter_determinism_failures", "Equal questions that got different answers.", value=stats["clashes"]
+        )
+        yield from (depth, oldest, failures, seconds, clashes)
 
 
 class Metrics:

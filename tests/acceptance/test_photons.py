@@ -5,6 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
+from photon_rooms import flat, made, on_plane
 from scipy.integrate import quad
 from scipy.special import comb
 
@@ -27,7 +28,7 @@ from renderers.transport.direct import irradiance as direct_irradiance
 from renderers.transport.photons.density import Points, irradiance, lookup
 from renderers.transport.photons.hull import CORRECTED, hull_area, sampled_area
 from renderers.transport.photons.map import PhotonMap, photon_map
-from renderers.transport.photons.tracing import Photons, Traced, trace
+from renderers.transport.photons.tracing import Photons, trace
 
 RNG = np.random.default_rng(20061)
 
@@ -45,26 +46,9 @@ def total(photons: Photons) -> np.ndarray:
     return photons.flux.astype(np.float64).sum(axis=0)
 
 
-def uniform_plane(count: int, width: float = 1.0) -> PhotonMap:
-    """`count` photons of flux 1/count, uniform on a square of area width² in the plane z = 0: irradiance 1/width²."""
-    p = np.zeros((count, 3), np.float32)
-    p[:, :2] = RNG.random((count, 2)) * width
-    up = np.tile(np.float32([0, 0, 1]), (count, 1))
-    photons = Photons(
-        p,
-        up,
-        np.full((count, 3), 1 / count, np.float32),
-        np.ones(count, np.float32),
-        up,
-        np.ones(count, np.int16),
-        np.zeros(count, np.int32),
-    )
-    return photon_map(Traced(photons, count, np.ones(3), 0, False))
-
-
-def flat(x: np.ndarray, y: np.ndarray) -> Points:
-    position = np.stack([x, y, 0 * x], axis=1)
-    return Points(position, np.tile([0.0, 0.0, 1.0], (len(x), 1)), np.full(len(x), 0.02))
+def uniform_plane(count: int) -> PhotonMap:
+    """`count` photons of flux 1/count, uniform on a square of area 1: irradiance 1."""
+    return on_plane(RNG.random((count, 2)))
 
 
 def test_a1_a_closed_box_stores_its_flux_over_one_minus_albedo() -> None:
@@ -255,6 +239,8 @@ def test_a21_k_nearest_has_no_bias() -> None:
     photons = uniform_plane(200_000)
     for k in (10, 50):
         assert irradiance(photons, flat(x, y), lookup(k, 0.2))[:, 0].mean() == pytest.approx(1.0, abs=0.015)
+    # the mean of 1/A is 0.8 % high at 49 photons (Jensen's inequality; measured in the specification of the estimator)
+    assert irradiance(photons, flat(x, y), lookup(50, 0.2, "corrected"))[:, 0].mean() == pytest.approx(1.008, abs=0.01)
 
 
 def test_h12_a_photon_leaves_itself_out() -> None:
@@ -271,18 +257,9 @@ def test_h12_a_photon_leaves_itself_out() -> None:
 def test_a22_h11_on_a_sphere_the_disc_is_exact_and_the_hull_bright_by_its_formula(share: float) -> None:
     count = 300_000
     n = RNG.normal(size=(count, 3))
-    n = (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
-    flux = np.full((count, 3), 1 / count, np.float32)
-    photons = photon_map(
-        Traced(
-            Photons(n, n, flux, np.ones(count, np.float32), n, np.ones(count, np.int16), np.zeros(count, np.int32)),
-            count,
-            np.ones(3),
-            0,
-            False,
-        )
-    )
-    some = n[:300].astype(np.float64)
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    photons = made(n, n)
+    some = n[:300]
     # normals within 0.95 of each other lie within 18.2°, chord 0.316: the filter is what cuts the zone at 0.4
     radius = min(share, 0.31)
     where = Points(some, some, np.full(300, 0.25))

@@ -1,7 +1,7 @@
 """Dynamic point resampling: the light that the points send, check by check; T numbers are those of the specification.
 
-Most run in the box of `toy_box`, whose levels are tied to the points: a_k = η_k, ε_Ω = 0.3 sr, ε_b = 0.01 m². What the points are is
-checked in `test_point_resampling.py`.
+Most run in the box of `toy_box`, whose levels are tied to the points: a_k = η_k, ε_Ω = 0.3 sr, ε_b = 0.01 m². What the points are
+is checked in `test_point_resampling.py`.
 """
 
 from __future__ import annotations
@@ -164,7 +164,9 @@ def test_t_24_bounds_change_nothing_but_the_work(reach: float) -> None:
     np.testing.assert_array_equal(bounded, everywhere)
     counters = Counter[str]()
     tiled = splat(g, world, rows, family, 1e-3, None, counters)
-    one_by_one = sum(splat(g, world, np.ascontiguousarray(rows[:, [i]]), family, 1e-3).astype(np.float64) for i in range(len(places)))
+    one_by_one = sum(
+        splat(g, world, np.ascontiguousarray(rows[:, [i]]), family, 1e-3).astype(np.float64) for i in range(len(places))
+    )
     np.testing.assert_allclose(tiled, one_by_one, rtol=1e-5, atol=1e-6 * float(tiled.max()))
     assert counters["light_evaluations"] < 0.5 * int(g.covered.sum()) * len(places)
 
@@ -193,7 +195,10 @@ def interleaved_ratios(side: int, count: int) -> Iterator[float]:
         total = splat(g, world, drawn.rows, family, eps_b).mean(dtype=np.float64)
         strong = drawn.rows.copy()
         strong[6:9] *= side * side
-        images = [splat(part, world, np.ascontiguousarray(strong[:, drawn.place == i]), family, eps_b) for i, (_, part) in enumerate(parts)]
+        images = [
+            splat(part, world, np.ascontiguousarray(strong[:, drawn.place == i]), family, eps_b)
+            for i, (_, part) in enumerate(parts)
+        ]
         yield float(np.mean([image.mean(dtype=np.float64) for image in images]) / total)
 
 
@@ -219,7 +224,7 @@ def test_t_30_progressive_error_falls_with_the_root_of_the_frames() -> None:
 
 
 def test_t_30_sobol_shifts_beat_random_ones() -> None:
-    """The mean of the first 64 of `progressive_shift` has less than half the error of 64 random shifts (0.0012 of 0.0057 printed)."""
+    """The mean of the first 64 of `progressive_shift` has under half the error of 64 random ones (0.0012 and 0.0057 printed)."""
     images, truth = frames()
     random = np.sqrt(np.mean((images.reshape(-1, 64, len(truth)).mean(axis=1) / truth - 1) ** 2))
     assert np.sqrt(np.mean((progressive() / truth - 1) ** 2)) < random / 2
@@ -243,7 +248,9 @@ def test_t_31_counters_multiply_up() -> None:
 @cache
 def reference() -> tuple[np.ndarray, float]:
     """Image of the box without visibility between bounces, by 2¹⁷ Sobol' points, and its exposure."""
-    frame = IR.render(toy_box(), IrSettings(vpls=TRUTH, sampler="low-discrepancy", eps_b=EPS_B, light_samples=1), size=SIZE, seed=11)
+    frame = IR.render(
+        toy_box(), IrSettings(vpls=TRUTH, sampler="low-discrepancy", eps_b=EPS_B, light_samples=1), size=SIZE, seed=11
+    )
     image = mixture(frame)
     return image, 1 / float(np.percentile(image, 98))
 

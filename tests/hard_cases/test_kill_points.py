@@ -19,7 +19,7 @@ import databases
 import pytest
 from workers import Server, Spec, alive
 
-from jobs import EvaluationRequest, MethodRequest
+from jobs import EvaluationRequest, MethodRequest, plan
 from jobs.queue import JobQueue, Status
 
 pytestmark = pytest.mark.usefixtures("toy_methods")
@@ -159,7 +159,7 @@ def submitter_round(server: Server, spec: Spec, label: str, expected: list[dict[
     queue = JobQueue(spec.database)
     try:
         known, _ = queue.list()
-        assert len(known) == (0 if label == "submit before record" else 1)
+        assert len(known) == (1 if label == "submit after enqueue" else 0)  # it is recorded and enqueued at once, or neither
         server.start(spec)
         id = known[0].id if known else queue.submit(REQUEST).id
         whole(queue, id, expected)
@@ -269,6 +269,25 @@ def stopped_and_overtaken(server: Server, spec: Spec, label: str, expected: list
 def test_a_worker_stopped_in_the_middle_of_a_transaction(server: Server, new_spec: NewSpec, undisturbed: Any) -> None:
     """It holds the one write lock of an SQLite file, or a row of PostgreSQL that every other worker needs."""
     stopped_and_overtaken(server, new_spec(), "record half written", undisturbed)
+
+
+def test_a_submitter_stopped_in_the_middle_of_a_transaction(server: Server, new_spec: NewSpec, undisturbed: Any) -> None:
+    """No worker, so nobody misses its heartbeat; but it keeps others from an SQLite file, and a worker sees to that."""
+    spec = replace(new_spec(), lease_s=1.5)
+    queue = JobQueue(spec.database)
+    try:
+        id = queue.submit(REQUEST).id
+        more = REQUEST.model_copy(update={"seeds": 2})
+        frozen = server.start(replace(spec, label="record half written", signal=signal.SIGSTOP, submit=more.model_dump_json()))
+        wait(lambda: "reached" in Path(spec.effects).read_text(), "the submitter did not stop")
+        server.start(spec)
+        whole(queue, id, undisturbed)
+        server.kill(frozen, signal.SIGCONT)
+        wait(lambda: not alive(frozen), "the submitter did not end")
+        assert finished(queue, plan(more).id).state == "done"
+    finally:
+        queue.close()
+        server.end_workers()
 
 
 @pytest.mark.slow

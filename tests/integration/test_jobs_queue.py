@@ -369,7 +369,13 @@ def test_retention_forgets_the_old_and_keeps_what_is_named(queue: JobQueue, tmp_
     assert (nothing.evaluations, nothing.artifacts) == (0, 0)
     queue.forget(old.id)
     later = time.time() + 10 * 86400
+    part = tmp_path / "home" / "artifacts" / "keys" / "ab" / ".left-by-a-kill.part"
+    part.parent.mkdir(parents=True, exist_ok=True)
+    part.touch()
+    assert clean_up(queue, days=30).unfinished == 0
     removed = clean_up(queue, days=30, most_bytes=0, now=later)
+    assert removed.unfinished == 1
+    assert not part.exists()
     assert removed.artifacts > 0
     assert removed.entries > 0
     assert len(queue.results(young.id)) == 1

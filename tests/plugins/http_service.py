@@ -124,6 +124,7 @@ class FakeQueue:
             "queues": {"gl": {"queued": queued, "running": 0, "oldest_s": 1.5 if queued else None}},
             "failures": {"timeout": 2},
             "seconds": {"ir": {"render": 12.5}},
+            "clashes": 0,
         }
 
     def tell(self, id: str, **event: Any) -> None:

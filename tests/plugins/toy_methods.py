@@ -19,7 +19,9 @@ class FlatSettings(Settings):
     """How bright, and how to misbehave."""
 
     level: float = setting(0.5, "radiance of every pixel", unit="W·sr⁻¹·m⁻²", ge=0, le=10)
-    mode: Literal["good", "raise", "abort", "segfault", "hang", "grow", "nan"] = setting("good", "what to do instead of rendering")
+    mode: Literal["good", "raise", "abort", "segfault", "hang", "grow", "nan", "fickle"] = setting(
+        "good", "what to do instead of rendering"
+    )
 
 
 class Flat(Method):
@@ -50,6 +52,9 @@ class Flat(Method):
             image = np.full((context.size[1], context.size[0], 3), settings.level * (1 + context.frame), np.float32)
         if settings.mode == "nan":
             image[0, 0] = np.nan
+        if settings.mode == "fickle":
+            image[0, 0] *= 1 + int.from_bytes(os.urandom(2)) / 2**18
+        count(context.size)
         return Frame({"beauty": image}, context.watch.timings, {"pixels": image.size // 3})
 
 
@@ -78,6 +83,14 @@ class Budget(Method):
     def _render(self, scene: Scene, settings: BudgetSettings, context: Any) -> Frame:
         image = np.full((context.size[1], context.size[0], 3), settings.steps, np.float32)
         return Frame({"beauty": image}, context.watch.timings, {"steps": settings.steps})
+
+
+def count(size: tuple[int, int]) -> None:
+    """Add a line for this render to the file `rendered` in the data folder, where there is one."""
+    counts = Path(os.environ.get("LUXMETER_HOME", ""), "rendered")
+    if counts.is_file():
+        with counts.open("a") as stream:
+            print(*size, file=stream)
 
 
 def kill_child(label: str) -> None:

@@ -89,8 +89,8 @@ def _outer(x, y, count):  # type: ignore[no-untyped-def]
 def sampled_area(x, y, count, radius, estimator):  # type: ignore[no-untyped-def]
     """Area from which `count` points within `radius` were drawn, by one of DISC, HULL, CORRECTED.
 
-    The disc stands in where a hull says nothing: fewer than 3 points, or all on a line, or every point a vertex of its hull and the
-    corrected area beyond the disc.
+    The disc stands in where a hull says nothing: fewer than 3 points, or all on a line. The corrected area isn't capped by it:
+    its mean is right because it errs to both sides.
     """
     disc = np.pi * radius * radius
     if estimator == DISC or count < 3:
@@ -100,4 +100,4 @@ def sampled_area(x, y, count, radius, estimator):  # type: ignore[no-untyped-def
         return disc
     if estimator == HULL:
         return area
-    return min(disc, area * (count + 1) / (count - vertices + 1))
+    return area * (count + 1) / (count - vertices + 1)

@@ -47,8 +47,8 @@ class Recipe(NamedTuple):
 class Zones(NamedTuple):
     """Records of C places, and what they were made from.
 
-    radius R (C,), irradiance (C, 3), translation, rotation (C, 3, 3) [channel, component], float64; count int64 (C,): photons of the
-    zone; reach (C,), its radius r; area (C,); vertices int64 (C,) of the hull.
+    radius R (C,), irradiance (C, 3), translation, rotation (C, 3, 3) [channel, component], float64; count int64 (C,): photons of
+    the zone; reach (C,), its radius r; area (C,); vertices int64 (C,) of the hull.
     """
 
     radius: NDArray[np.float64]

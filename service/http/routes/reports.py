@@ -90,7 +90,7 @@ def _file(site: Site, id: str, path: str) -> bytes:
     content = site.queue.report_file(id, path) if PATH.fullmatch(path) else None
     if content is not None:
         return content
-    if status.state not in ENDED:
+    if status.state not in ENDED or status.finished is None:  # a cancelled one still gets the report of what was done
         raise Problem("not-ready", f"{id} is {status.state}", {"retry-after": POLL_S})
     if path == "index.html":
         raise Problem("conflict", f"{id} was {status.state} before it had a report")

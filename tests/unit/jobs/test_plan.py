@@ -108,6 +108,11 @@ def test_refused_scene_is_a_failed_cell_beside_the_others(monkeypatch: pytest.Mo
         ),
         ({"methods": [{"name": "flat"}, {"name": "flat"}]}, jobs.RequestError, "flat is asked for twice"),
         ({"seeds": 256, "frames": (0, 1000)}, jobs.RequestError, "256256 cells are more than one evaluation takes"),
+        (
+            {"methods": [{"name": "ir", "sweep": {name: list(range(1, 1001)) for name in ("vpls", "blur", "bounces", "x")}}]},
+            jobs.RequestError,
+            "1000000000000 cells are more",
+        ),
     ],
 )
 def test_refusals_name_what_is_wrong(changes: dict[str, object], error: type[Exception], message: str) -> None:

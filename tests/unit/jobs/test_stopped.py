@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -14,7 +16,7 @@ import pytest
 
 from jobs.machine import holder, only_one
 from jobs.place import lock_of, place
-from jobs.stopped import children, end_tasks, is_stopped, wake
+from jobs.stopped import children, end_tasks, is_stopped, keepers, wake
 
 # A process with two children that sleep: one carries out a task, the other doesn't.
 PARENT = """
@@ -22,6 +24,15 @@ import subprocess, sys
 sleep = "import time; time.sleep(600)"
 subprocess.Popen([sys.executable, "-c", sleep, "jobs.child"], start_new_session=True)
 subprocess.Popen([sys.executable, "-c", sleep, "something else"], start_new_session=True)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+WRITER = """
+import sqlite3, sys
+database = sqlite3.connect(sys.argv[1], isolation_level=None)
+database.execute("begin immediate")
+database.execute("insert into t values (1)")
 print("ready", flush=True)
 sys.stdin.read()
 """
@@ -65,6 +76,26 @@ def test_a_stopped_process_is_woken_and_a_running_one_left_alone(parent: subproc
     assert soon(lambda: is_stopped(parent.pid))
     assert wake(parent.pid)
     assert soon(lambda: not is_stopped(parent.pid))
+
+
+def test_who_keeps_others_from_a_database(tmp_path: Path) -> None:
+    """Only who writes does: a reader and an open connection keep nobody away. Asking costs us no lock of our own."""
+    path = tmp_path / "a.sqlite"
+    assert keepers(path) == []
+    with contextlib.closing(sqlite3.connect(path)) as ours:
+        ours.execute("pragma journal_mode=wal")
+        ours.execute("create table t (a)")
+        ours.execute("select * from t").fetchall()
+        assert keepers(path) == []
+        with subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            assert keepers(path) == [process.pid]
+            assert keepers(tmp_path / "b.sqlite") == []
+            process.communicate()
+        assert keepers(path) == []
+        ours.execute("insert into t values (2)")
+        assert keepers(path) == [os.getpid()]
 
 
 def test_who_holds_a_lock(tmp_path: Path) -> None:
