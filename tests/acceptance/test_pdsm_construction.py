@@ -108,7 +108,7 @@ def test_a12_vertices_fall_with_epsilon() -> None:
 
 @pytest.mark.slow
 def test_a12_error_of_the_perpendicular_metric() -> None:
-    """A12, second half: at N = 256 and 2 % on a casting floor at most half the vertices of the vertical metric, for 1.3 × its error."""
+    """A12, second half: at N = 256 and 2 % on a casting floor half the vertices of the vertical metric for 1.3 × its error."""
     where, points = floor_points(60), light_points(256)
     truth = hidden_share(BLOCKERS, where, 64)
     found = {}
