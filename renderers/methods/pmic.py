@@ -15,7 +15,7 @@ Passes: photons (trace), tree, records (the walk), refine, in stage prepare sinc
 | most_stored   | 2·10⁷     | 1    | 1 … 10⁸                      | tracing ends once so many are stored (68 bytes each)         |
 | a             | 0.3       | 1    | 0.01 … 1.4                   | accuracy: zones have radius a·R                              |
 | knn           | 50        | 1    | 1 … 4096                     | K, photons of the first query                                |
-| n_min         | 8         | 1    | 1 … 4096                     | fewest photons of a zone: it grows until it holds them       |
+| n_min         | 50        | 1    | 1 … 4096                     | fewest photons of a zone: it grows until it holds them       |
 | gradients     | shrunk    |      | off, thresholded, shrunk     | noise rule of gradients                                      |
 | n_grad        | 500       | 1    | 2 … 10⁶                      | fewest photons for gradients (thresholded)                   |
 | rows, columns | 8, 24     | 1    | 2 … 64, 4 … 256              | hemisphere cells                                             |
@@ -38,8 +38,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from renderers.frame import Frame
-from renderers.method import Claim, Context, Transport, register, setting
-from renderers.methods.photon_map import PhotonMapping, PhotonSettings, layered, traced_map
+from renderers.method import Claim, Context, Method, Transport, register, setting
+from renderers.methods.photon_map import PhotonSettings, layered, traced_map
 from renderers.methods.photon_map import warm_up as warm_up_photons
 from renderers.methods.rcs import albedos
 from renderers.scene.model import Scene
@@ -61,7 +61,7 @@ class PmicSettings(PhotonSettings):
     photons: int = setting(400_000, "N_e, photons emitted", source="Gautron 2006 §6.6", ge=1, le=1 << 26)
     a: float = setting(0.3, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 6.1", ge=0.01, le=1.4)
     knn: int = setting(50, "K, photons of the first query", source="Gautron 2006 §6.4.1", ge=1, le=4096)
-    n_min: int = setting(8, "fewest photons of a zone: it grows until it holds them", ge=1, le=4096)
+    n_min: int = setting(50, "fewest photons of a zone: it grows until it holds them", ge=1, le=4096)
     gradients: Literal["off", "thresholded", "shrunk"] = setting(
         "shrunk",
         "gradients off, from n_grad photons on, or shrunk by their noise",
@@ -88,7 +88,7 @@ class PmicSettings(PhotonSettings):
     )
 
 
-class PhotonMappedIrradianceCaching(PhotonMapping):
+class PhotonMappedIrradianceCaching(Method):
     """All bounces, interpolated between records that were made of photons."""
 
     name = "pmic"
@@ -195,7 +195,7 @@ def filled(world: World, gbuffer: GBuffer, photons: PhotonMap, rows: Any, settin
     where, zones, p = points(world, position, normal, gbuffer.triangle.ravel()[rows]), Zones.empty(len(rows)), photons.photons
     none = np.full(len(rows), -1, np.int64)
     fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, none, recipe_of(world, photons, settings), zones)
-    counters["pixels_without_photons"] += int(np.count_nonzero(zones.count == 0))
+    counters["pixels_without_photons"] += int(np.count_nonzero(zones.photons == 0))
     return zones.irradiance
 
 

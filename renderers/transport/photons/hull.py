@@ -86,18 +86,24 @@ def _outer(x, y, count):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True)
-def sampled_area(x, y, count, radius, estimator):  # type: ignore[no-untyped-def]
-    """Area from which `count` points within `radius` were drawn, by one of DISC, HULL, CORRECTED.
+def area_and_vertices(x, y, count, radius, estimator):  # type: ignore[no-untyped-def]
+    """(area, hull vertices): area from which `count` points within `radius` were drawn, by one of DISC, HULL, CORRECTED.
 
-    The disc stands in where a hull says nothing: fewer than 3 points, or all on a line. The corrected area isn't capped by it:
-    its mean is right because it errs to both sides.
+    The disc stands in where a hull says nothing: fewer than 3 points, or all on a line. The corrected area isn't capped by it: its
+    mean is right because it errs to both sides. The disc estimator looks for no hull, and answers 0 vertices.
     """
     disc = np.pi * radius * radius
     if estimator == DISC or count < 3:
-        return disc
+        return disc, 0
     area, vertices = hull_area(x, y, count)
     if area <= 1e-9 * disc:
-        return disc
+        return disc, vertices
     if estimator == HULL:
-        return area
-    return area * (count + 1) / (count - vertices + 1)
+        return area, vertices
+    return area * (count + 1) / (count - vertices + 1), vertices
+
+
+@numba.njit(nogil=True, cache=True)
+def sampled_area(x, y, count, radius, estimator):  # type: ignore[no-untyped-def]
+    """The area of `area_and_vertices`."""
+    return area_and_vertices(x, y, count, radius, estimator)[0]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from renderers.transport.photons.cells import NOISE, cell_sums, gradients_of, shrink
 from renderers.transport.photons.density import FLAT_COS, SLAB_FLOOR
-from renderers.transport.photons.hull import hull_area, sampled_area
+from renderers.transport.photons.hull import area_and_vertices
 from renderers.transport.photons.tree import nearest, within
 
 OFF, THRESHOLDED, SHRUNK = 0, 1, 2
@@ -47,15 +47,15 @@ class Recipe(NamedTuple):
 class Zones(NamedTuple):
     """Records of C places, and what they were made from.
 
-    radius R (C,), irradiance (C, 3), translation, rotation (C, 3, 3) [channel, component], float64; count int64 (C,): photons of
-    the zone; reach (C,), its radius r; area (C,); vertices int64 (C,) of the hull.
+    radius R (C,), irradiance (C, 3), translation, rotation (C, 3, 3) [channel, component], float64; photons int64 (C,): how many
+    the zone holds; reach (C,), its radius r; area (C,); vertices int64 (C,) of the hull.
     """
 
     radius: NDArray[np.float64]
     irradiance: NDArray[np.float64]
     translation: NDArray[np.float64]
     rotation: NDArray[np.float64]
-    count: NDArray[np.int64]
+    photons: NDArray[np.int64]
     reach: NDArray[np.float64]
     area: NDArray[np.float64]
     vertices: NDArray[np.int64]
@@ -112,9 +112,9 @@ def _fill_one(i, tree, distance, came, flux, p, n, slab, own, recipe, zones):  #
             step = tree.positions[rows[j], c] - p[c]
             x[j] += step * tangents[0, c]
             y[j] += step * tangents[1, c]
-    area = sampled_area(x, y, count, r, recipe.estimator)
-    zones.radius[i], zones.count[i], zones.reach[i] = radius, count, r
-    zones.area[i], zones.vertices[i] = area, hull_area(x, y, count)[1]
+    area, vertices = area_and_vertices(x, y, count, r, recipe.estimator)
+    zones.radius[i], zones.photons[i], zones.reach[i] = radius, count, r
+    zones.area[i], zones.vertices[i] = area, vertices
     others = 0
     for j in range(count):
         if rows[j] == own:
