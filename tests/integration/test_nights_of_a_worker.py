@@ -7,16 +7,16 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from service_processes import wait
 
 from jobs.durable.workplace import Stopped
 from jobs.errors import RequestError
 from jobs.stopped import children
-from reports.runs import RunInfo, history
+from reports.runs import history
 from service.cli import run
 from service.nights import Nights
 
@@ -45,23 +45,13 @@ def test_a_worker_renders_its_suite_at_the_time_of_its_cron_line(tmp_path: Path)
     with (tmp_path / "log").open("wb") as log:
         worker = subprocess.Popen(command, cwd=ROOT, env=os.environ | {"LUXMETER_HOME": str(home)}, stderr=log)
         try:
-            found = wait_for_run(home, worker)
+            wait(lambda: "nightly suite ended with exit code 0" in (tmp_path / "log").read_text(), 90, worker)
         finally:
             worker.send_signal(signal.SIGTERM)
             worker.wait(40)
+    found = history(home)[-1]
     assert (found.suite, found.cells, found.failed) == ("tiny", 1, 0)
     assert (home / "nightly" / "runs" / found.id / "index.html").is_file()
-    assert "nightly suite ended with exit code 0" in (tmp_path / "log").read_text()
-
-
-def wait_for_run(home: Path, worker: subprocess.Popen[bytes], seconds: float = 90) -> RunInfo:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        assert worker.poll() is None, "the worker ended"
-        if runs := history(home):
-            return runs[-1]
-        time.sleep(0.2)
-    raise AssertionError(f"no run after {seconds} s")
 
 
 def test_a_night_ends_with_its_worker_and_leaves_no_run(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
