@@ -40,7 +40,7 @@ def corner(mesh: str = "plain", gap: float = 0.0) -> Scene:
     """A floor lit by a slanting sun beside a wall that receives its light. The floor may be cut into pieces of other shapes.
 
     plain: two triangles. slivers: 400 strips, each of two triangles 1:400, with a zero-area triangle after each. motes: a giant
-    triangle and 20,000 tiny ones that make up the other half. sheets: the wall is two coplanar sheets, `gap` apart.
+    triangle and some 5,000 tiny ones that make up the other half. sheets: the wall is two coplanar sheets, `gap` apart.
     """
     b = SceneBuilder(f"corner-{mesh}")
     grey = b.material(Lambert("grey", (0.6, 0.5, 0.4)))
