@@ -66,8 +66,9 @@ WORKERS = sa.Table(
 def open_database(url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S, flush: bool = True) -> sa.Engine:
     """An engine whose tables exist. Raises StoreError where the database can't be opened or written.
 
-    flush: whether an SQLite file is flushed to disk at each commit, see `WithoutFlush`; wait_s: how long a writer waits for another one's lock on an SQLite file; idle_s: how long PostgreSQL lets a transaction stand
-    still before it ends it. A process that is stopped in the middle of one would hold its locks for ever.
+    wait_s: how long a writer waits for another one's lock on an SQLite file; flush: whether that file is flushed to disk at each
+    commit, see `WithoutFlush`; idle_s: how long PostgreSQL lets a transaction stand still before it ends it. A process that is
+    stopped in the middle of one would hold its locks for ever.
     """
     with readable_errors(url):
         prepare_file(url)
@@ -82,7 +83,7 @@ def open_database(url: str, wait_s: float = WAIT_S, idle_s: float = IDLE_S, flus
 
 
 class WithoutFlush(sqlite3.Connection):
-    """A connection for what can be done again: its commits survive the end of any process, but a power cut may take the last of them.
+    """A connection for what can be done again: its commits survive the end of any process; a power cut may take the last of them.
 
     The file is consistent all the same: with a write-ahead log, what is lost is a tail of it. A later commit that is flushed keeps
     all before it. https://www.sqlite.org/pragma.html#pragma_synchronous

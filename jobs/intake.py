@@ -58,7 +58,8 @@ class Intake:
         error: BaseException | None = None
         try:
             with self._records.urgent() as connection:
-                for submission in together:
+                # in one order everywhere: two services that add the same evaluations must not wait for each other
+                for submission in sorted(together, key=lambda s: s.order.evaluation):
                     self._add(connection, submission)
         except BaseException as cause:  # each thread that waits raises it in its own place
             error = cause

@@ -50,8 +50,8 @@ class Records:
     def urgent(self) -> Iterator[sa.Connection]:
         """A transaction that writes, and gets SQLite's write lock soon after it is free.
 
-        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks least,
-        and waits for seconds. This one asks every millisecond for as long.
+        SQLite's own wait asks ever more seldom, in the end ten times a second: among many writers, who has waited longest asks
+        least, and waits for seconds. This one asks every millisecond for as long.
         """
         if not is_sqlite(self.url):
             with self.transaction() as connection:
@@ -321,8 +321,7 @@ class Records:
 
 def _begin(connection: sa.Connection, wait_s: float) -> None:
     """Take SQLite's write lock. Raises sqlite3.OperationalError where others hold it all that time."""
-    driver = connection.connection.dbapi_connection
-    assert isinstance(driver, sqlite3.Connection)
+    driver: Any = connection.connection.dbapi_connection
     driver.execute("pragma busy_timeout=0")
     end = time.monotonic() + wait_s
     try:

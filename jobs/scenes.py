@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -31,8 +32,9 @@ def open_scene(text: str) -> NamedScene:
     """Load a scene from what the user wrote. Raises SceneError in one line."""
     from renderers.scene.builtin import BUILTIN
 
-    if text.partition(":")[0] in BUILTIN:
-        return _built_in(text)
+    builder = BUILTIN.get(text.partition(":")[0])
+    if builder is not None:
+        return _built_in(text, builder)
     uploaded = upload_file(text)
     if uploaded is not None:
         return NamedScene(text, text, load_scene(uploaded))
@@ -45,10 +47,10 @@ def open_scene(text: str) -> NamedScene:
 
 
 @lru_cache(maxsize=16)
-def _built_in(text: str) -> NamedScene:
+def _built_in(text: str, builder: Callable[..., Scene]) -> NamedScene:
     """A built-in scene, kept with what was computed of it: a service plans the same few again and again."""
     base, colon, tail = text.partition(":")
-    return NamedScene(text, text, load_scene(base, **(_parameters(base, tail) if colon else {})))
+    return NamedScene(text, text, builder(**(_parameters(base, tail) if colon else {})))
 
 
 def parameters(name: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ HOME/nightly/
 from __future__ import annotations
 
 import hashlib
-import json
+import logging
 import os
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +16,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 EVALUATION = "evaluation.json"
+log = logging.getLogger(__name__)
 CONTENT = ("results", "images", "references")
 
 
@@ -85,8 +86,13 @@ def runs_folder(home: Path) -> Path:
 
 
 def history(home: Path) -> list[RunInfo]:
-    """All whole runs of a data folder, latest first; empty where there are none."""
-    found = [read_run(path.parent) for path in runs_folder(home).glob("[!.]*/run.json")]
+    """All whole runs of a data folder, latest first; empty where there are none. What isn't a run of this version is left out."""
+    found = []
+    for path in runs_folder(home).glob("[!.]*/run.json"):
+        try:
+            found.append(read_run(path.parent))
+        except (OSError, ValueError) as error:  # pydantic's ValidationError and UnicodeDecodeError are ValueErrors
+            log.warning("%s is left out: %s", path, str(error).partition("\n")[0])
     return sorted(found, key=lambda run: (run.started, run.id), reverse=True)
 
 
@@ -122,9 +128,12 @@ def accepted(home: Path, suite: str) -> Baseline | None:
 
 
 def pointer(home: Path, suite: str) -> Baseline | None:
-    """The baseline of a suite as it was recorded, unchecked; None before the first was accepted."""
+    """The baseline of a suite as it was recorded, unchecked; None before the first was accepted. Raises BrokenBaseline."""
     path = _pointer(home, suite)
-    return Baseline.model_validate(json.loads(path.read_text())) if path.is_file() else None
+    try:
+        return Baseline.model_validate_json(path.read_bytes()) if path.is_file() else None
+    except ValueError as error:
+        raise BrokenBaseline(f"{path} names no run: {str(error).partition(chr(10))[0]}; accept a run again") from None
 
 
 def _pointer(home: Path, suite: str) -> Path:

@@ -1,8 +1,8 @@
 """Penumbra deep shadow maps: error over samples, resolution and compression, and which approximation it comes from.
 
-Run: `LUXMETER_SCENES=folder PYTHONPATH=. python scripts/pdsm_error.py [scene …]`. Prints Markdown tables.
-For the brightest area light of each scene, at every pixel that it lights: the hidden share V before the horizon against shadow rays
-to 1,024 points of the light, and the whole image against Mitsuba's direct light. One line adds one approximation to that above it:
+Run: `LUXMETER_SCENES=folder PYTHONPATH=. python scripts/pdsm_error.py [scene …]`. Prints Markdown tables. For the brightest area
+light of each scene, at every pixel that it lights: the hidden share V (then that before the horizon) against shadow rays to 1,024
+points of the light, and the whole image against Mitsuba's direct light. One line adds one approximation to that above it:
 
     rays      shadow rays to N light points              light sampling
     maps      N shadow maps read at the point itself     map resolution and bias
@@ -54,6 +54,7 @@ class Case(NamedTuple):
     position: F64
     normal: F64
     geometric: F64
+    raw: F64
     truth: F64
 
 
@@ -69,45 +70,53 @@ def case_of(name: str) -> Case:
     away = np.einsum("ij,ij->i", at.geometric, at.normal) < 0
     geometric = np.where(away[:, None], -at.geometric, at.geometric)
     points = lamp.points(TRUTH_POINTS, 99)
-    truth = before_horizon(cast_hidden(world, lamp, points, at.position, geometric, Counter()), at.position, at.normal, points)
-    return Case(scene, world, gbuffer, lamp, rows, at.position, at.normal, geometric, truth)
+    raw = cast_hidden(world, lamp, points, at.position, geometric, Counter())
+    truth = before_horizon(raw, at.position, at.normal, points)
+    return Case(scene, world, gbuffer, lamp, rows, at.position, at.normal, geometric, raw, truth)
 
 
-def share(case: Case, points: F64, hidden: NDArray[np.floating]) -> F64:
-    """V before the horizon, ray cast where maps don't reach."""
+def covered(case: Case, points: F64, hidden: NDArray[np.floating]) -> F64:
+    """V, ray cast where maps don't reach."""
     v = np.array(hidden, np.float64)
     missing = np.flatnonzero(v < 0)
     v[missing] = cast_hidden(case.world, case.lamp, points, case.position[missing], case.geometric[missing], Counter())
-    return before_horizon(v, case.position, case.normal, points)
+    return v
 
 
-def figures(case: Case, v: F64) -> str:
-    """RMSE, pixels over 2 % and SSIM of V."""
-    error = v - case.truth
+def figures(case: Case, points: F64, v: F64) -> str:
+    """RMSE, pixels over 2 %, mean error and SSIM of V; then over 2 % and SSIM of V before the horizon."""
+    before = before_horizon(v, case.position, case.normal, points)
+    error = v - case.raw
+    first = f"{np.sqrt((error**2).mean()):.4f} | {(np.abs(error) > 0.02).mean():.1%} | {error.mean():+.4f}"
+    over = (np.abs(before - case.truth) > 0.02).mean()
+    return f"{first} | {ssim(case, case.raw, v):.4f} | {over:.1%} | {ssim(case, case.truth, before):.4f}"
+
+
+def ssim(case: Case, truth: F64, v: F64) -> float:
+    """SSIM of pictures of V, data range 1, over the pixels that the lamp lights."""
     images = []
-    for values in (case.truth, v):
+    for values in (truth, v):
         image = np.zeros(case.gbuffer.triangle.size)
         image[case.rows] = values
         images.append(image.reshape(case.gbuffer.triangle.shape))
     _, local = structural_similarity(
         *images, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, full=True
     )
-    ssim = float(local.ravel()[case.rows].mean())
-    return f"{np.sqrt((error**2).mean()):.4f} | {(np.abs(error) > 0.02).mean():.1%} | {error.mean():+.4f} | {ssim:.4f}"
+    return float(local.ravel()[case.rows].mean())
 
 
 def causes(case: Case, name: str, samples: int, resolution: int) -> LightShadows:
     """Print the chain of approximations at one setting; returns the uncompressed structure."""
     points = case.lamp.points(samples, 0)
     rays = cast_hidden(case.world, case.lamp, points, case.position, case.geometric, Counter())
-    print(f"| {name} | rays, N {samples} | {figures(case, share(case, points, rays))} |")
+    print(f"| {name} | rays, N {samples} | {figures(case, points, rays)} |")
     maps = FilteredMaps(case.world, case.lamp, points, points, resolution, 1.0, Counter())
     tests = maps.hidden(case.position, case.geometric, averaged(BIAS))
-    print(f"| | + maps {resolution}² | {figures(case, share(case, points, tests))} |")
+    print(f"| | + maps {resolution}² | {figures(case, points, covered(case, points, tests))} |")
     made = built(case, samples, resolution)
-    print(f"| | + pyramid {resolution}² | {figures(case, share(case, points, made.hidden(case.position)))} |", flush=True)
+    print(f"| | + pyramid {resolution}² | {figures(case, points, covered(case, points, made.hidden(case.position)))} |", flush=True)
     small = compressed(made, 0.02)
-    print(f"| | + compression 2 % | {figures(case, share(case, points, small.hidden(case.position)))} |", flush=True)
+    print(f"| | + compression 2 % | {figures(case, points, covered(case, points, small.hidden(case.position)))} |", flush=True)
     return made
 
 
@@ -128,16 +137,15 @@ def grid(
     case: Case, name: str, samples: tuple[int, ...], resolutions: tuple[int, ...], known: dict[tuple[int, int], LightShadows]
 ) -> None:
     """Print error over samples, resolution and tolerance."""
-    for n in samples:
+    for n, r in [*((n, r) for n in samples for r in resolutions), *known]:
         points = case.lamp.points(n, 0)
-        for r in resolutions:
-            made = known.get((n, r)) or built(case, n, r)
-            cells = []
-            for epsilon in (0.0, 0.02, 0.05):
-                used = compressed(made, epsilon) if epsilon else made
-                v = share(case, points, used.hidden(case.position))
-                cells.append(f"{np.sqrt(((v - case.truth) ** 2).mean()):.4f} / {(np.abs(v - case.truth) > 0.02).mean():.1%}")
-            print(f"| {name} | {n} | {r} | {' | '.join(cells)} |", flush=True)
+        made = known.get((n, r)) or built(case, n, r)
+        cells = []
+        for epsilon in (0.0, 0.02, 0.05):
+            used = compressed(made, epsilon) if epsilon else made
+            v = covered(case, points, used.hidden(case.position))
+            cells.append(f"{np.sqrt(((v - case.raw) ** 2).mean()):.4f} / {(np.abs(v - case.raw) > 0.02).mean():.1%}")
+        print(f"| {name} | {n} | {r} | {' | '.join(cells)} |", flush=True)
 
 
 def against_mitsuba(case: Case, name: str, made: LightShadows) -> None:
@@ -149,7 +157,8 @@ def against_mitsuba(case: Case, name: str, made: LightShadows) -> None:
     truth = reference.render(case.scene, "direct", size=SIZE, noise=0.004, max_seconds=60)
     exposure = reference.exposure(truth)
     lamps = emitters_of(case.world)
-    ours = share(case, case.lamp.points(256, 0), made.hidden(case.position))
+    points = case.lamp.points(256, 0)
+    ours = before_horizon(covered(case, points, made.hidden(case.position)), case.position, case.normal, points)
     for label, values in (("true V", case.truth), ("pdsm", ours)):
         image = shaded(
             case.world, case.gbuffer, [case.lamp], [case.lamp.points(64, 0)], lambda k, p, n, v=values: v.astype(np.float32),
@@ -170,7 +179,7 @@ def main() -> None:
         print(f"\n{name}: {case.lamp.kind}, {len(case.rows)} pixels\n", flush=True)
         fine = causes(case, name, 256, 512)
         against_mitsuba(case, name, compressed(fine, 0.02))
-        grid(case, name, (16, 64, 256), (128, 256, 512), {(256, 512): fine})
+        grid(case, name, (16, 64, 256), (128, 256), {(256, 512): fine})
 
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ class Model(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A model on its ground, ready to build from. casters: bool (T,), all triangles but the ground's."""
+    """A model on its ground, ready to build from. casters: bool (T,), the triangles of the model."""
 
     name: str
     world: World
@@ -80,7 +80,7 @@ def stage_of(model: Model, side: float = LIGHT) -> Stage:
     b.quad([(-h, HEIGHT, -h), (h, HEIGHT, -h), (h, HEIGHT, h), (-h, HEIGHT, h)], lamp)
     b.camera((9.0, 9.0, 13.0), (0, 1.5, 0), 0.75)
     world = b.build().world()
-    return Stage(model.name, world, emitters_of(world)[0], world.material != ground)
+    return Stage(model.name, world, emitters_of(world)[0], world.material == stone)
 
 
 def scanned_model(bench: Bench) -> Model:

@@ -22,7 +22,7 @@ class Client:
             self._client = DBOSClient(system_database_url=address(url), serializer=Json(), application_name=NAME)
 
     def enqueue(self, id: str, attempt: int, priority: int, within: sa.Connection | None = None) -> None:
-        """Have an attempt of an evaluation worked on; asking twice is asking once. within: a transaction that this is to be part of."""
+        """Have an attempt of an evaluation worked on; asking twice is asking once. within: a transaction to be part of."""
         options: Any = {
             "workflow_name": "evaluate", "queue_name": ORCHESTRA, "workflow_id": workflow_id(id, attempt), "app_version": VERSION,
             "priority": priority + 1,

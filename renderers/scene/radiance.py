@@ -42,8 +42,8 @@ def write_radiance(world: World, folder: Path) -> Exported:
     for m in np.unique(world.material):
         lines.append(_material(world, m))
         own = world.material == m
-        for t in np.flatnonzero(own & ~smooth):
-            lines.append(f"m{m} polygon t{t} 0 0 9 {_numbers(world.positions[world.triangles[t]].ravel())}")
+        flat = np.flatnonzero(own & ~smooth)
+        lines += [f"m{m} polygon t{t} 0 0 9 {_numbers(world.positions[world.triangles[t]])}" for t in flat]
         if (own & smooth).any():
             meshes.append(_wavefront(world, np.flatnonzero(own & smooth), folder / f"m{m}.obj"))
             lines.append(f"m{m} mesh mesh{m} 1 m{m}.rtm 0 0")

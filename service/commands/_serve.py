@@ -9,7 +9,8 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -17,8 +18,19 @@ import typer
 from jobs.errors import RequestError
 from jobs.process import child_environment
 from jobs.store import Store
+from service import suite as suites
+from service.commands._nightly import check_hook
+from service.nights import CRON, Nights, check_cron
 from service.tokens import TokenStore
 
+Suite = Annotated[
+    Path | None,
+    typer.Option("--nightly", envvar="LUXMETER_NIGHTLY", metavar="SUITE", help="Suite to render every night; none by default."),
+]
+Cron = Annotated[str, typer.Option(envvar="LUXMETER_CRON", help="When a night begins: a cron line, in UTC.")]
+Webhook = Annotated[
+    str | None, typer.Option(envvar="LUXMETER_WEBHOOK", metavar="URL", help="Post each night's outcome there as JSON.")
+]
 STOP_S = 20
 GRACE_S = 3
 NICER = 5  # a worker gives way to the service on the same machine; where nothing else wants to run, this changes nothing
@@ -36,12 +48,16 @@ def serve(
     submission_rate: Annotated[
         float, typer.Option(min=0, help="Changes a second that one address may ask for; 0: any number.")
     ] = 2,
+    nightly: Suite = None,
+    cron: Cron = CRON,
+    webhook: Webhook = None,
 ) -> None:
     """Serve HTTP and pages until interrupted. Logs go to stderr, one JSON object a line."""
     loopback = is_loopback(host)
     if not loopback and not TokenStore().all():
         raise RequestError(f"{host} is reachable from elsewhere: make a token first (luxmeter token add NAME)")
     Store().check_writable()
+    nights = checked(nightly, cron, webhook)
     import uvicorn
 
     from jobs.queue import JobQueue
@@ -55,32 +71,46 @@ def serve(
         require_token=not loopback, hosts=hosts, requests_per_s=request_rate, submissions_per_s=submission_rate
     )
     app = create_app(JobQueue(), settings)
+    app.state.site.health.refresh()
     config = uvicorn.Config(
         app, host=host, port=port, log_config=None, access_log=False, server_header=False, timeout_graceful_shutdown=GRACE_S,
         limit_concurrency=500, h11_max_incomplete_event_size=HEADERS_KIB * 1024, http="h11", lifespan="off",
     )  # fmt: skip
-    with own_worker() if worker else contextlib.nullcontext():
+    with own_worker(nights) if worker else contextlib.nullcontext():
         uvicorn.Server(config).run()
 
 
-def worker() -> None:
+def worker(nightly: Suite = None, cron: Cron = CRON, webhook: Webhook = None) -> None:
     """Carry out what is queued until interrupted; what is running then is taken up by another worker, or at the next start."""
+    checked(nightly, cron, webhook)
     from jobs.queue import Worker
     from service.http import logs
 
     logs.configure()
     os.nice(NICER)
     stop = threading.Event()
+    nights = Nights(nightly, Store().home, stop, webhook) if nightly is not None else None
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    Worker().run(stop)
+    Worker(nightly=nights, cron=cron).run(stop)
+
+
+def checked(nightly: Path | None, cron: str, webhook: str | None) -> list[str]:
+    """The options of a worker's nights, as a command line has them. Raises RequestError where one of them can't be."""
+    check_cron(cron)
+    if webhook is not None:
+        check_hook(webhook)
+    if nightly is not None:
+        suites.load(nightly).plans()
+    given = {"--nightly": nightly, "--cron": cron, "--webhook": webhook}
+    return [text for name, value in given.items() if value is not None for text in (name, str(value))]
 
 
 @contextlib.contextmanager
-def own_worker() -> Iterator[None]:
+def own_worker(nights: Sequence[str]) -> Iterator[None]:
     """A worker beside the service, as a process of its own so that rendering never holds up an answer."""
     environment = child_environment() | {"LUXMETER_HOME": str(Store().home)}
-    child = subprocess.Popen([sys.executable, "-P", "-m", "service", "worker"], env=environment, stdin=subprocess.DEVNULL)
+    child = subprocess.Popen([sys.executable, "-P", "-m", "service", "worker", *nights], env=environment, stdin=subprocess.DEVNULL)
     try:
         yield
     finally:

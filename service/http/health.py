@@ -46,13 +46,14 @@ class Health:
 
     def readiness(self) -> Readiness:
         """What is known now; starts a check of the machine where the last one is old."""
-        self._refresh()
+        self.refresh()
         found = [_condition("store", self._store), _condition("queue", self._queue)]
         machine = self._found
         found += machine or []
         return Readiness(ready=machine is not None and all(c.ok for c in found), checking=machine is None, conditions=found)
 
-    def _refresh(self) -> None:
+    def refresh(self) -> None:
+        """Start a check of the machine in the background where there is none of late."""
         with self._lock:
             if self._checking or (self._found is not None and time.monotonic() - self._at < self.settings.probe_every_s):
                 return

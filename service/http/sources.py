@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from reports.runs import Baseline, RunInfo, history, pointer, runs_folder
+from reports.runs import Baseline, BrokenBaseline, RunInfo, history, pointer, runs_folder
 from service.http.problems import Problem
 from service.http.queue import ENDED, Queue
 
 RETRY_S = "5"
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,14 @@ class Sources:
         return history(self.home)
 
     def accepted(self, suite: str) -> Baseline | None:
-        """The accepted run of a suite, by its pointer alone: whether its files are whole is checked when it is compared."""
-        return pointer(self.home, suite)
+        """The accepted run of a suite, by its pointer alone: whether its files are whole is checked when it is compared. A pointer
+        that can't be read counts as none.
+        """
+        try:
+            return pointer(self.home, suite)
+        except BrokenBaseline as error:
+            log.warning("%s", error)
+            return None
 
     def find(self, id: str) -> Source:
         """A run or an ended evaluation. Raises Problem where there is none, or where the evaluation still runs."""

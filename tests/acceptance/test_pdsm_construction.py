@@ -106,6 +106,20 @@ def test_a12_vertices_fall_with_epsilon() -> None:
     assert counts["perpendicular", 0.02] < counts["vertical", 0.02] / 2
 
 
+@pytest.mark.slow
+def test_a12_error_of_the_perpendicular_metric() -> None:
+    """A12, second half: at N = 256 and 2 % on a casting floor half the vertices of the vertical metric for 1.3 × its error."""
+    where, points = floor_points(60), light_points(256)
+    truth = hidden_share(BLOCKERS, where, 64)
+    found = {}
+    for metric in ("vertical", "perpendicular"):
+        how = Construction(bias=BIAS, compression=metric, epsilon=0.02, kappa=10.0)  # type: ignore[arg-type]
+        made, *_ = constructed(ALL, points, 128, 256, how)
+        found[metric] = len(made.depth), float(np.sqrt(((made.hidden(where) - truth) ** 2).mean()))
+    assert found["perpendicular"][0] <= found["vertical"][0] / 2
+    assert found["perpendicular"][1] <= 1.3 * found["vertical"][1]
+
+
 @pytest.mark.parametrize("filter", ["bilinear", "nearest"])
 @pytest.mark.parametrize("walk", ["exact", "midpoint"])
 @pytest.mark.parametrize(("k", "l"), [(0.2, 0.0), (0.5, 0.3), (1.0, 0.0)])

@@ -191,15 +191,16 @@ def test_a_may_change_after_the_records_exist() -> None:
 
 
 def test_r25_total_error_of_room_2() -> None:
-    """64×64 pixels, 64×128 rays, a = 0.15, R_min = 0.1 m, rules 1, 3, 4 against 64×128 directions at every pixel, two such
+    """64×64 pixels, 64×128 rays, a = 0.15, R_min = 0.1 m, rules 1, 3, 4 against 64×128 directions at every sixth pixel, two such
     references averaged: RMSE / mean ≤ 0.015, at most 10 % of the pixels off by more than 2 %."""
     scene = room_2()
     scale = scene.world().scale
     limits = Limits(0.1 * scale, 2.0)
     world, canvas, here, _, _, records = filled(scene, 0.15, 64, Grid(64, 128), limits=limits)
-    exact = [PolarSampler(world, Grid(64, 128), ReflectedDirectLight(world), seed)(here).irradiance for seed in (1, 2)]
+    some = slice(0, None, 6)
+    exact = [PolarSampler(world, Grid(64, 128), ReflectedDirectLight(world), seed)(here.rows(some)).irradiance for seed in (1, 2)]
     reference = np.mean(exact, axis=0)[:, 0]
-    error = canvas.irradiance[:, 0] - reference
+    error = canvas.irradiance[some, 0] - reference
     assert reference.mean() == pytest.approx(0.675, rel=0.01)
     assert 600 < len(records) < 1400
     assert np.sqrt(np.mean(error**2)) / reference.mean() <= 0.015

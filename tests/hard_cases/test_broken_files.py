@@ -236,6 +236,21 @@ def test_a_huge_image_is_refused_by_its_header(tmp_path):
     assert "images[0]" in refusal(tmp_path / "bomb.glb")
 
 
+def test_few_meshes_drawn_by_many_nodes_are_counted_before_they_are_read(tmp_path):
+    root, binary = parts()
+    drawn = next(node["mesh"] for node in root["nodes"] if "mesh" in node)
+    primitive = root["meshes"][drawn]["primitives"][0]
+    root["meshes"].append({"primitives": [primitive] * 2000})
+    root["nodes"] += [{"mesh": len(root["meshes"]) - 1} for _ in range(2000)]
+    path = tmp_path / "bomb.glb"
+    path.write_bytes(pack_glb(root, bytes(binary)))
+    assert "drawn primitives, more than the limit of 100000" in refusal(path)
+    root["accessors"].append(root["accessors"][primitive["attributes"]["POSITION"]] | {"count": 3 * 10**8})
+    root["meshes"][-1]["primitives"] = [{"attributes": {"POSITION": len(root["accessors"]) - 1}}]
+    path.write_bytes(pack_glb(root, bytes(binary)))
+    assert "triangles, more than the limit of 50000000" in refusal(path)
+
+
 def test_a_deep_chain_loads(tmp_path):
     root, binary = parts()
     first = len(root["nodes"])

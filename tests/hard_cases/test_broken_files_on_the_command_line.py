@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from renderers.images import read_exr
+from renderers.scene.gltf.container import pack_glb
 
 # What each file of the collection is answered with: a note of the result, or the reason of the refusal.
 LOADABLE = {
@@ -64,3 +65,33 @@ def test_the_others_are_refused_in_one_line(name: str, broken: Path, tmp_path: P
     # CPU seconds of the command: what it takes on an idle machine, whatever else runs here.
     spent = after.children_user + after.children_system - before.children_user - before.children_system
     assert min(wall, spent) < 1.0
+
+
+def test_a_bomb_of_nodes_and_primitives_is_refused_in_one_line(tmp_path: Path) -> None:
+    """4 million drawn primitives in a file of 200 kB: their number is declared, and refused before any is read."""
+    root = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": list(range(2000))}], "nodes": [{"mesh": 0}] * 2000,
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}] * 2000}], "buffers": [{"byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+    }  # fmt: skip
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    (folder / "bomb.glb").write_bytes(pack_glb(root, corners.tobytes()))
+    (folder / "empty.glb").write_bytes(b"")
+    done, spent = timed(folder / "bomb.glb", tmp_path / "out")
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert "4000000 drawn primitives, more than the limit of 100000" in line
+    assert not (tmp_path / "out").exists()
+    # Beyond starting the command, which an empty file costs too, there is 200 kB of JSON to read and count.
+    assert spent < timed(folder / "empty.glb", tmp_path / "out")[1] + 0.5
+
+
+def timed(file: Path, out: Path) -> tuple[subprocess.CompletedProcess[str], float]:
+    """The command's answer and its processor seconds."""
+    before = os.times()
+    done = render(file, out)
+    after = os.times()
+    return done, after.children_user + after.children_system - before.children_user - before.children_system

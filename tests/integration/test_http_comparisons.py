@@ -53,6 +53,21 @@ def client(queue: FakeQueue, tmp_path: Path) -> Iterator[httpx.Client]:
         yield found
 
 
+def test_runs_of_another_version_are_left_out(nights: Path, tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    shutil.copytree(nights / "nightly", home / "nightly")
+    for name, text in (("2027-01-01T03-00-00Z", '{"id": "x", "colour": 1}'), ("2027-01-02T03-00-00Z", "{"), ("other", "\x00")):
+        (runs_folder(home) / name).mkdir()
+        (runs_folder(home) / name / "run.json").write_text(text)
+    (home / "nightly" / "accepted" / "nightly.json").write_text('{"id": 1}')
+    app = create_app(FakeQueue(), ServerSettings(home=home, **FREE), machine=lambda: HEALTHY)
+    with serving(app) as address, httpx.Client(base_url=address, timeout=60) as client:
+        assert [(run["id"], run["accepted"]) for run in client.get("/v1/runs").json()["items"]] == [(SECOND, False), (FIRST, False)]
+        for page in ("/", "/compare"):
+            assert client.get(page).status_code == 200
+            assert SECOND in client.get(page).text
+
+
 def test_runs_are_listed_latest_first(compared: httpx.Client) -> None:
     page = compared.get("/v1/runs").json()
     assert [(run["id"], run["accepted"], run["regressed"]) for run in page["items"]] == [

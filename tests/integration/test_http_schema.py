@@ -21,6 +21,8 @@ CALM = {
     "deadline": None, "suppress_health_check": list(HealthCheck), "phases": [Phase.explicit, Phase.generate], "database": None,
     "derandomize": True,
 }  # fmt: skip
+# Other requests in every run, for the nightly suite: what fails is printed with the request that does it.
+WILD = CALM | {"derandomize": False, "print_blob": True}
 CONFIG = {
     "checks": {
         # What fits the schema may still name a scene or setting that does not exist, ask for another media type, come too early, or
@@ -76,3 +78,23 @@ def test_events_keep_to_the_schema(api: Any, address: str) -> None:
         path_parameters={"id": made["id"]}, headers={"accept": "text/event-stream"}
     )
     assert "event: end" in case.call_and_validate(timeout=20).text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [GenerationMode.POSITIVE, GenerationMode.NEGATIVE])
+def test_requests_drawn_anew_each_night_keep_to_the_schema(api: Any, mode: GenerationMode) -> None:
+    for operation in (found.ok() for found in api.get_all_operations()):
+        if mode is GenerationMode.NEGATIVE and operation.label not in CAN_BE_WRONG:
+            continue
+
+        @settings(max_examples=60, **WILD)
+        @given(case=operation.as_strategy(generation_mode=mode))
+        def ask(case: schemathesis.Case) -> None:
+            case.call_and_validate(timeout=20)
+
+        ask()
+
+
+@pytest.mark.slow
+def test_sequences_drawn_anew_each_night_keep_to_the_schema(api: Any) -> None:
+    api.as_state_machine().run(settings=settings(max_examples=40, stateful_step_count=8, **WILD))

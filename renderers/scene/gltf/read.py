@@ -13,6 +13,7 @@ from renderers.scene.framing import checked, completed
 from renderers.scene.gltf.accessors import Accessors
 from renderers.scene.gltf.animation import Places, read_channels
 from renderers.scene.gltf.container import open_document
+from renderers.scene.gltf.declared import check_declared
 from renderers.scene.gltf.element import Element, quoted
 from renderers.scene.gltf.extras import own_extras, read_array
 from renderers.scene.gltf.materials import color, read_materials, read_textures
@@ -39,6 +40,7 @@ def read_gltf(path: str | os.PathLike[str], photometric: bool = False) -> Scene:
     document = open_document(Path(path))
     root, notes = document.root, Notes()
     _check_asset(root, notes)
+    check_declared(root)
     own = _own_scene(root)
     accessors = Accessors(document)
     textures, texture_places = read_textures(document, accessors, notes)

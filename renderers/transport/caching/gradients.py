@@ -12,8 +12,8 @@ Cells j = 0 … M-1 (from the pole), k = 0 … N-1 of equal projected solid angl
          + Σ_jk (û_k⁻ v̂_k⁻ᵀ + v̂_k⁻ û_k⁻ᵀ) 1/M (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1})²
 
 H is the occlusion-aware Hessian of the irradiance (Schwarzhaupt, Wann Jensen & Jarosz 2012) in the tangent plane: an edge r(s) that
-stays where it is while the observer moves by δ sweeps the cosine-weighted solid angle ∫∫ (n·r) δ·(r × r') / |r - tδ|⁴ ds dt, t from
-0 to 1. Its first order is ∇_tE, its second 2 ∫ (n·r) δ·(r × r') (r·δ) / |r|⁶ ds; the sums above are these for the arcs between cells.
+stays where it is while the observer moves by δ sweeps the cosine-weighted solid angle ∫∫ (n·r) δ·(r × r') / |r - tδ|⁴ ds dt, with
+t from 0 to 1. Its first order makes ∇_tE, its second, 2 ∫ (n·r) δ·(r × r') (r·δ) / |r|⁶ ds, makes H; r(s): arcs between cells.
 
 The nearer of two surfaces decides how fast the edge between them moves, hence the minimum. The bracket integrates tan θ exactly
 over a ring, where the usual sum of tan θ_j at cell centres loses up to 14 % in the outermost one.

@@ -102,8 +102,9 @@ class Punctual(NamedTuple):
 
 
 def _described(light: WorldLight) -> Punctual:
-    vectors = (np.asarray(a, np.float64) for a in (light.position, light.direction, light.intensity))
-    return Punctual(light.kind == "directional", light.kind == "spot", *vectors, float(light.cos_inner), float(light.cos_outer))
+    position, direction, intensity = (np.asarray(a, np.float64) for a in (light.position, light.direction, light.intensity))
+    cosines = float(light.cos_inner), float(light.cos_outer)
+    return Punctual(light.kind == "directional", light.kind == "spot", position, direction, intensity, *cosines)
 
 
 @numba.njit(nogil=True, cache=True)

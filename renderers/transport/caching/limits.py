@@ -81,7 +81,7 @@ def limited(records: Records, limits: Limits, others: Records | None = None) -> 
 
 
 def hessian_radius(records: Records) -> NDArray[np.floating[Any]]:
-    """R of the Hessian's error bound, (K,): ∞ where the irradiance is not curved. Raises ValueError where the records don't know."""
+    """R of the Hessian's error bound, (K,): ∞ where irradiance is not curved. Raises ValueError where records don't know."""
     if records.curvature is None:
         raise ValueError("these records carry no curvature")
     curved = records.curvature > 0

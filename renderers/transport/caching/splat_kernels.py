@@ -17,7 +17,7 @@ HALF = 1 / np.sqrt(2)
 
 @numba.njit(inline="always")
 def misses(ball, position, normal, radius, a):  # type: ignore[no-untyped-def]
-    """Whether no point within a bound (balls around positions and normals) lies in a record's zone. Written for the widest zone (`tent`)."""
+    """Whether no point within a bound (balls around positions and normals) lies in a record's zone, the widest one (`tent`)."""
     apart = np.sqrt((ball[0] - position[0]) ** 2 + (ball[1] - position[1]) ** 2 + (ball[2] - position[2]) ** 2) - ball[3]
     if apart > a * radius:
         return True

@@ -1,8 +1,9 @@
 """Events of all shadow maps, summed up to one attenuation function per pixel, in slabs of rows under a memory bound.
 
-Where the maps of all light points fit the bound, they are made once and every tile is finished at once: only few rows' events
-exist. Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches. Tiles of rows are independent and
-taken by the first free thread; result and bytes depend on neither slabs, batches, threads nor the order of light points.
+Where the maps of all light points fit half of the bound, they are made once and every tile is finished at once: only few rows'
+events exist. Otherwise the maps are made anew for every slab (St-Amour 2004, algorithm 3.2), in batches; a quarter is for maps, a
+quarter for events, the rest for what both need on the way. Tiles of rows are independent and taken by the first free thread; result
+and bytes depend on neither slabs, batches, threads nor the order of light points.
 """
 
 from __future__ import annotations
@@ -99,18 +100,13 @@ def assemble(
         raise ValueError("a penumbra deep shadow map needs at least one light point")
     tally = Counter[str]() if counters is None else counters
     walk = _Walk(pyramid, make_maps, how, grid if how.walk == "exact" else None)
-    batch = max(int(how.memory // 2 // make_maps(cameras[:1]).nbytes), 1)
-    finished = []
-    if len(cameras) <= batch:
-        maps = walk.maps(cameras)
-        tally["shadow_maps"] += len(cameras)
-
-        def whole(rows: range) -> _Tile:
-            return _reduced(pyramid, rows, [walk.events(cameras, maps, rows)], len(cameras), how)
-
-        finished = in_threads(whole, _tiles(range(pyramid.height)))
+    size = make_maps(cameras[:1]).nbytes
+    if len(cameras) * size <= how.memory // 2:
+        finished = _at_once(walk, cameras, tally)
     else:
-        for slab in _slabs(pyramid, len(cameras), how.memory):
+        finished = []
+        batch = max(int(how.memory // 4 // size), 1)
+        for slab in _slabs(pyramid, len(cameras), how.memory // 4):
             finished += _slab(walk, cameras, slab, batch, tally)
     tally["rays_walked"] += pyramid.width * pyramid.height * len(cameras)
     counts = np.concatenate([tile.counts for tile in finished])
@@ -180,6 +176,17 @@ class _Walk:
         return _Events(pixel, z, sign, sum(one.steps for one in found))
 
 
+def _at_once(walk: _Walk, cameras: F64, tally: Counter[str]) -> list[_Tile]:
+    """All tiles from one set of shadow maps."""
+    maps = walk.maps(cameras)
+    tally["shadow_maps"] += len(cameras)
+
+    def whole(rows: range) -> _Tile:
+        return _reduced(walk.pyramid, rows, [walk.events(cameras, maps, rows)], len(cameras), walk.how)
+
+    return in_threads(whole, _tiles(range(walk.pyramid.height)))
+
+
 def _slab(walk: _Walk, cameras: F64, slab: range, batch: int, tally: Counter[str]) -> list[_Tile]:
     """Finished tiles of one slab, its shadow maps made in batches."""
     tiles = _tiles(slab)
@@ -201,9 +208,9 @@ def _tiles(rows: range) -> list[range]:
 
 
 def _slabs(pyramid: Pyramid, cameras: int, memory: int) -> list[range]:
-    """Ranges of rows whose events fit half of the bound at four events per ray, which is several times what scenes need."""
+    """Ranges of rows whose events fit this many bytes at four events per ray, which is several times what scenes need."""
     per_row = 4 * EVENT_BYTES * pyramid.width * cameras
-    size = max(int(memory // 2 // per_row), 1)
+    size = max(int(memory // per_row), 1)
     return [range(s.start, s.stop) for s in chunks(pyramid.height, size)]
 
 

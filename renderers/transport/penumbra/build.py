@@ -48,6 +48,8 @@ class LightShadows:
         """
         p = np.asarray(points, np.float64).reshape(-1, 3)
         n = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3)
+        if len(self.maps) == 1:
+            return self.maps[0].hidden(p, filter, n, offset)
         out = np.full(len(p), -1, np.float32)
         for shadow, (rows, _) in zip(self.maps, by_face(self.emitter, [m.pyramid for m in self.maps], p), strict=True):
             out[rows] = shadow.hidden(p[rows], filter, None if n is None else n[rows], offset)
@@ -126,7 +128,7 @@ def build(
     """
     pyramids = pyramids_of(world, emitter, points, resolution, near)
     cast = _casting(world, emitter, casters)
-    corners = world.positions[world.triangles[cast]].astype(np.float64)
+    corners = world.positions[world.triangles[cast]]
     cover = np.ones((len(corners), 2))
     if opacity is not None:
         cover[:, 0] = opacity[cast]
@@ -136,7 +138,7 @@ def build(
 
 
 def _one(
-    pyramid: Pyramid, corners: F64, cover: F64, points: F64, resolution: int, how: Construction, slope: Slope,
+    pyramid: Pyramid, corners: NDArray[np.floating], cover: F64, points: F64, resolution: int, how: Construction, slope: Slope,
     counters: Counter[str] | None,
 ) -> PenumbraMap:  # fmt: skip
     texels = HALF_TEXELS[how.walk]
@@ -152,8 +154,8 @@ def _one(
 
 
 def map_maker(
-    pyramid: Pyramid, corners: F64, shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0, limit: float = 0.0,
-    cover: F64 | None = None,
+    pyramid: Pyramid, corners: NDArray[np.floating], shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0,
+    limit: float = 0.0, cover: F64 | None = None,
 ) -> MapMaker:  # fmt: skip
     """Makes shadow maps float32 (N, *shape) of World triangles (T, 3, 3) for cameras; the rest as in `depth_maps`, opaque by
     default.

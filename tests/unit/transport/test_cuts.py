@@ -330,8 +330,10 @@ def test_h_18_bounds_hold_the_support_and_weights_stay_finite(name: str, numbers
     weights = family.weight(marks, a) / family.density(marks)
     assert np.isfinite(weights).all()
     assert (weights >= 0).all()
+    # Supports of levels are 1 at most, 2 where two of them share a light; roulette's u = 2^-ν survives by a weight up to 3/2 / u.
+    largest = 1.5 * np.exp2(marks) if name == "roulette" else 2.0
     # A weight of the ridge may round to 1e-16 beyond its own end.
-    assert (weights * family.density(marks) <= np.where((a >= low) & (a <= high), 2 + 1e-12, 1e-12)).all()
+    assert (weights * family.density(marks) <= np.where((a >= low) & (a <= high), largest * (1 + 1e-12), 1e-12)).all()
     assert np.isfinite(family.parameters(marks[:, 0])).all()
     assert (high <= UNBOUNDED).all()
 
