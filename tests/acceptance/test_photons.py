@@ -315,7 +315,7 @@ def test_saved_map_comes_back_in_scene_units(tmp_path) -> None:  # type: ignore[
 @pytest.mark.parametrize("name", ["photon-map", "photon-map-final-gather"])
 def test_images_have_the_energy_of_path_tracing(name: str) -> None:
     scene = renderers.load_scene("cornell-box")
-    size = (40, 30)
+    size = (41, 31)  # no pixel centre on an edge of the room, where rays and look-ups are half outside
     reference = renderers.get_method("pt").render(scene, renderers.get_method("pt").Settings(spp=1024), size=size)
     method = renderers.get_method(name)
     image = method.render(scene, method.Settings(photons=1_000_000, area="corrected"), size=size, seed=1)

@@ -111,16 +111,25 @@ def test_a11_h8_rotation_gradient_of_a_half_lit_hemisphere() -> None:
     assert np.linalg.norm(turn) <= np.pi / 2 * radiance.max()
 
 
-def photons_at(world: World, point: F64, normal: F64, n: int) -> tuple[F64, F64, F64]:
-    """Local directions, flux and distances of photons that room 1's radiance sends to one point, metres."""
+def photons_at(world: World, point: F64, normal: F64, n: int, spread: float = 0.0) -> tuple[F64, F64, F64]:
+    """Local directions, flux and distances of photons that room 1's radiance sends to a disc of radius `spread`, metres.
+
+    Only places of the disc that the point sees along the surface count: none behind a wall or under the box.
+    """
     s, t = (v[0] for v in frame(normal[None]))
-    local = cosine_hemisphere(np.tile([0.0, 0.0, 1.0], (n, 1)), lattice(n, 2))
+    random = lattice(n, 4)
+    radius, phi = spread * np.sqrt(random[:, 2]), 2 * np.pi * random[:, 3]
+    start = point + (radius * np.cos(phi))[:, None] * s + (radius * np.sin(phi))[:, None] * t
+    start = (start - world.centre) * world.scale + 1e-3 * normal
+    middle = np.tile((point - world.centre) * world.scale + 1e-3 * normal, (n, 1))
+    free = ~caster_of(world).occluded(middle, start - middle, np.ones(n))
+    start, random = start[free], random[free]
+    local = cosine_hemisphere(np.tile([0.0, 0.0, 1.0], (len(start), 1)), random[:, :2])
     away = local[:, :1] * s + local[:, 1:2] * t + local[:, 2:] * normal
-    start = np.tile((point - world.centre) * world.scale + 1e-4 * normal, (n, 1))
     hits = caster_of(world).first_hit(start, away)
     seen = hits.triangle >= 0
     at = metres(world, start[seen] + away[seen] * hits.t[seen, None])
-    return local[seen], radiance_1(at) * np.pi / n, hits.t[seen].astype(np.float64) / world.scale
+    return local[seen], radiance_1(at) * np.pi / len(start), hits.t[seen].astype(np.float64) / world.scale
 
 
 @pytest.fixture(scope="module")
@@ -134,64 +143,44 @@ def projected(gradient: F64, normal: F64) -> F64:
 
 
 def test_a12_formula_8_with_exact_cells_against_finite_differences(first_room: World) -> None:
-    """Cells of one point alone, nearer surface decides: within 15 % of the differences of E over ±2 cm, at six open points."""
+    """Cells of one point alone, each with its nearest surface, and the nearer of two: within 15 % of the differences of E over ±2 cm."""
     for point, normal, _, expected, _ in POINTS_1[:6]:
         local, flux, distance = photons_at(first_room, point, normal, 400_000)
-        power, mean, _ = in_cells(local, flux, distance, (16, 48))
-        found = formula_8(power * 16 * 48 / np.pi, mean, np.minimum)
+        power, _, _ = in_cells(local, flux, distance, (16, 48))
+        nearest = np.full((16, 48), np.inf)
+        j = np.minimum((local[:, 0] ** 2 + local[:, 1] ** 2) * 16, 15.999).astype(int)
+        k = (np.arctan2(local[:, 1], local[:, 0]) / (2 * np.pi) % 1 * 48).astype(int) % 48
+        np.minimum.at(nearest, (j, k), distance)
+        found = formula_8(power * 16 * 48 / np.pi, nearest, np.minimum)
         truth = projected(expected, normal)
         assert np.linalg.norm(found - truth) <= 0.15 * np.linalg.norm(truth), point
 
 
-def lit_walls(start: F64, away: F64) -> tuple[F64, F64]:
-    """Radiance and distance that rays (n, 3) inside the empty box [-1, 1]² × [0, 2] meet: first bounce of a lamp at (0, 0, 1.6)."""
-    low, high = np.array([-1.0, -1, 0]), np.array([1.0, 1, 2])
-    with np.errstate(divide="ignore"):
-        wall = np.where(away > 0, high - start, low - start) / away
-    axis = np.argmin(wall, axis=1)
-    distance = wall[np.arange(len(wall)), axis]
-    lamp = np.array([0, 0, 1.6]) - (start + distance[:, None] * away)
-    inward = -np.sign(away[np.arange(len(away)), axis])
-    cosine = np.maximum(0, lamp[np.arange(len(away)), axis] * inward)
-    albedo = np.where(axis == 2, 0.7, np.where(axis == 1, 0.5, np.where(away[:, 0] < 0, 0.6, 0.3)))
-    return albedo / np.pi * cosine / np.linalg.norm(lamp, axis=1) ** 3, distance
+def zone_gradients(world: World, point: F64, normal: F64, expected: F64, share: float) -> tuple[float, float, float]:
+    """Error and gain of the mean rule, and gain of the minimum, with 100 000 photons of a zone of radius `share` · h."""
+    h = 1 / float(np.mean(1 / photons_at(world, point, normal, 20_000)[2]))
+    local, flux, distance = photons_at(world, point, normal, 100_000, share * h)
+    power, mean, _ = in_cells(local, flux, distance, (16, 48))
+    radiance, filled, truth = power * 16 * 48 / np.pi, np.where(mean > 0, mean, h), projected(expected, normal)
+    found, nearest = both(radiance, filled)[0], formula_8(radiance, filled, np.minimum)
+    return np.linalg.norm(found - truth) / np.linalg.norm(truth), found @ truth / (truth @ truth), nearest @ truth / (truth @ truth)  # type: ignore[return-value]
 
 
-def arriving(x: float, y: float, n: int, spread: float = 0.0) -> tuple[F64, F64, F64]:
-    """Local directions, flux and distances of n photons on the floor around (x, y), within `spread` and the walls."""
-    random = lattice(2 * n, 4)
-    radius, phi = spread * np.sqrt(random[:, 2]), 2 * np.pi * random[:, 3]
-    start = np.stack([x + radius * np.cos(phi), y + radius * np.sin(phi), np.zeros(2 * n)], axis=1)
-    inside = (np.abs(start[:, :2]) < 1).all(axis=1)
-    start, random = start[inside][:n], random[inside][:n]
-    local = cosine_hemisphere(np.tile([0.0, 0.0, 1.0], (len(start), 1)), random[:, :2])
-    s, t = (v[0] for v in frame(np.array([[0.0, 0.0, 1.0]])))
-    radiance, distance = lit_walls(start, local[:, :1] * s + local[:, 1:2] * t + local[:, 2:] * [0.0, 0.0, 1.0])
-    return local, radiance * np.pi / len(start), distance
+def test_a13_gradients_of_photons_in_a_zone_of_the_default_accuracy(first_room: World) -> None:
+    """Radius 0.3 h, as far as a record reaches: median error ≤ 35 %, median gain in [.8, 1.4].
+
+    At h/2 zones of this room touch its walls and its box (h is up to 2.6 m of 4 m), and ways of no length take over.
+    """
+    errors, gains, _ = zip(*(zone_gradients(first_room, p, n, g, 0.3) for p, n, _, g, _ in POINTS_1[:6]), strict=True)
+    assert np.median(errors) <= 0.35
+    assert 0.8 <= np.median(gains) <= 1.4
 
 
-def test_a13_a14_mean_of_distances_suits_photons_and_the_minimum_does_not() -> None:
-    """Photons of a zone of radius h/2, 16 × 48 cells: error ≤ 35 % and gain in [.8, 1.4] by the mean, gain > 1.5 by the minimum."""
-    errors, gains, nearest = [], [], []
-    for x, y in ((0.5, 0.2), (-0.5, 0.3), (0.3, -0.6), (-0.4, -0.5), (0.2, 0.6), (0.6, 0.5)):
-        h = 1 / np.mean(1 / arriving(x, y, 20_000)[2])
-        local, flux, distance = arriving(x, y, 100_000, 0.5 * h)
-        power, mean, _ = in_cells(local, flux, distance, (16, 48))
-        radiance = power * 16 * 48 / np.pi
-
-        def irradiance(a: float, b: float) -> float:
-            return float(arriving(a, b, 400_000)[1].sum())
-
-        d = 0.02
-        slope = np.array([irradiance(x + d, y) - irradiance(x - d, y), irradiance(x, y + d) - irradiance(x, y - d)]) / (2 * d)
-        truth = projected(np.array([*slope, 0.0]), np.array([0.0, 0.0, 1.0]))
-        found = both(radiance, np.where(mean > 0, mean, h))[0]
-        errors.append(np.linalg.norm(found - truth) / np.linalg.norm(truth))
-        gains.append(found @ truth / (truth @ truth))
-        nearest.append(formula_8(radiance, np.where(mean > 0, mean, h), np.minimum) @ truth / (truth @ truth))
-    assert np.median(errors) <= 0.35, (errors, gains, nearest)
-    assert 0.8 <= np.median(gains) <= 1.4, (errors, gains, nearest)
-    assert np.median(nearest) > 1.5, (errors, gains, nearest)
+def test_a14_the_minimum_of_distances_exaggerates(first_room: World) -> None:
+    """Radius h/2: median gain of the minimum > 1.5, and twice that of the mean."""
+    _, mean, nearest = zip(*(zone_gradients(first_room, p, n, g, 0.5) for p, n, _, g, _ in POINTS_1[:6]), strict=True)
+    assert np.median(nearest) > 1.5
+    assert np.median(nearest) > 2 * np.median(mean)
 
 
 # --- the walk ------------------------------------------------------------------------------------------------------------------
@@ -369,7 +358,8 @@ def test_progressive_refinement_converges_to_the_mean_of_many_photons(box_world:
 
     def error(rounds: int) -> float:
         found = refined(box_world, photons, cache, 2, 4, rounds).records.irradiance.mean(axis=1)
-        return float(np.sqrt(np.mean((found - exact) ** 2)) / exact.mean())
+        # the 400 photons of the truth have a variance of their own
+        return float(np.sqrt(np.mean((found - exact) ** 2) / exact.mean() ** 2 - 1 / 400))
 
     errors = [error(rounds) for rounds in (1, 4, 16)]
     assert errors[0] > errors[1] > errors[2]
