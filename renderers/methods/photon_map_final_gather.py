@@ -72,7 +72,7 @@ class FinalGather(Method):
             from renderers.transport.photons.final_gather import final_gather, stored_irradiance
             from renderers.transport.photons.pixels import gatherers
 
-            stored = stored_irradiance(world, photons, lookup(settings.nearest, settings.radius, settings.area, own=True))
+            stored = stored_irradiance(world, photons, lookup(settings.nearest, settings.radius, settings.area))
 
         def indirect(gbuffer: GBuffer, seed: int) -> F64:
             pixels = gatherers(world, gbuffer)

@@ -26,9 +26,10 @@ from renderers.scene.shapes import sphere
 from renderers.scene.world import World
 from renderers.transport.direct import irradiance as direct_irradiance
 from renderers.transport.photons.density import Points, irradiance, lookup
-from renderers.transport.photons.hull import CORRECTED, hull_area, sampled_area
+from renderers.transport.photons.hull import CORRECTED, DISC, hull_area, sampled_area
 from renderers.transport.photons.map import PhotonMap, photon_map
 from renderers.transport.photons.tracing import Photons, trace
+from renderers.transport.photons.zones import Recipe, Zones, fill_zones
 
 RNG = np.random.default_rng(20061)
 
@@ -244,13 +245,20 @@ def test_a21_k_nearest_has_no_bias() -> None:
 
 
 def test_h12_a_photon_leaves_itself_out() -> None:
-    photons = uniform_plane(100_000)
-    inner = photons.photons.position[(np.abs(photons.photons.position[:, :2] - 0.5) < 0.4).all(axis=1)][::20].astype(np.float64)
-    at = flat(inner[:, 0], inner[:, 1])
+    photons = on_plane(RNG.random((100_000, 2)), distance=0.01 / 0.3)
+    p = photons.photons
+    inner = np.flatnonzero((np.abs(p.position[:, :2] - 0.5) < 0.4).all(axis=1))[::20]
     n = np.pi * 0.01**2 * 100_000  # 31 photons in the mean
-    with_own, without = (irradiance(photons, at, lookup(0, 0.01, own=own))[:, 0].mean() for own in (False, True))
-    assert with_own == pytest.approx(1 + 1 / n, abs=0.01)
-    assert without == pytest.approx(1.0, abs=0.01)
+
+    def mean(own: np.ndarray) -> float:
+        zones = Zones.empty(len(inner))
+        where = p.position[inner].astype(float), p.normal[inner].astype(float), np.full(len(inner), 0.02)
+        how = Recipe(0.3, 1e-3, 1.0, 50, 8, DISC, 0, 500, 8, 24)
+        fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, own, how, zones)
+        return float(zones.irradiance[:, 0].mean())
+
+    assert mean(np.full(len(inner), -1)) == pytest.approx(1 + 1 / n, abs=0.01)
+    assert mean(inner) == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize("share", [0.2, 0.4])

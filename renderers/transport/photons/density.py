@@ -33,16 +33,11 @@ FLAT_SLAB, CURVED_SLAB, SLAB_FLOOR = 0.02, 0.25, 2e-4
 
 
 class Lookup(NamedTuple):
-    """How photons are gathered: the `nearest` ones within `radius`, or all within it (nearest = 0); area of what they sampled.
-
-    own: the points are photons of the map themselves, and each leaves itself out: a photon's place holds one photon more than any
-    other place would.
-    """
+    """How photons are gathered: the `nearest` ones within `radius`, or all within it (nearest = 0); area of what they sampled."""
 
     nearest: int
     radius: float
     estimator: int
-    own: bool = False
 
 
 class Points(NamedTuple):
@@ -53,9 +48,9 @@ class Points(NamedTuple):
     slab: F64
 
 
-def lookup(nearest: int = 50, radius: float = 0.1, area: Area = "disc", own: bool = False) -> Lookup:
+def lookup(nearest: int = 50, radius: float = 0.1, area: Area = "disc") -> Lookup:
     """A Lookup; radius in World units (the scene's half diagonal is 1)."""
-    return Lookup(nearest, radius, ESTIMATOR[area], own)
+    return Lookup(nearest, radius, ESTIMATOR[area])
 
 
 def points(world: World, position: NDArray[np.floating], normal: NDArray[np.floating], triangle: NDArray[np.integer]) -> Points:
@@ -94,33 +89,16 @@ def gathered(tree, p, n, slab, how):  # type: ignore[no-untyped-def]
         rows, count = within(tree, p, n, how.radius, FLAT_COS, height, np.empty(256, np.int64))
         radius2 = how.radius * how.radius
     else:
-        k += 1 if how.own else 0
         rows, distances2 = np.empty(k, np.int64), np.empty(k)
         count = nearest(tree, p, n, how.radius, FLAT_COS, height, rows, distances2)
         radius2 = distances2[0] if count == k else how.radius * how.radius
     if count == 0 or radius2 == 0.0:
         return rows[:0], 0.0
     first = 1 if k > 1 and count == k else 0  # rows[0], the farthest, set the radius: the others are uniform within it
-    if how.own and count > first:
-        _last_is_own(tree, p, rows, first, count)
-        count -= 1
     rows = rows[first:count]
     if how.estimator == DISC:
         return rows, np.pi * radius2
     return rows, projected_area(tree, p, n, rows, len(rows), np.sqrt(radius2), how.estimator)
-
-
-@numba.njit(inline="always")
-def _last_is_own(tree, p, rows, first, count):  # type: ignore[no-untyped-def]
-    """Swap the row nearest to p to the end."""
-    best, own = np.inf, count - 1
-    for j in range(first, count):
-        d2 = 0.0
-        for c in range(3):
-            d2 += (tree.positions[rows[j], c] - p[c]) ** 2
-        if d2 < best:
-            best, own = d2, j
-    rows[own], rows[count - 1] = rows[count - 1], rows[own]
 
 
 @numba.njit(nogil=True, cache=True)

@@ -2,7 +2,8 @@
 
     L = 1/M Σ_m  f_r(ω_m, v) (n·ω_m) / p(ω_m) · ρ(y_m)/π E(y_m)         ω_m by BRDF sampling, y_m the first hit along it
 
-E at y_m is that of the nearest of the photons at which irradiance was computed beforehand (Christensen 1999): one every `SPARSE`.
+E at y_m is that of the nearest of the photons at which irradiance was computed beforehand (Christensen 1999), one in SPARSE, from
+the others.
 The surfaces that rays end on reflect as diffuse ones of their mean albedo.
 """
 
@@ -19,8 +20,9 @@ from renderers.scene.world import World
 from renderers.transport.brdf import evaluate, materials_at, mean_albedo
 from renderers.transport.lobes import sample_brdf, sampling_pdf
 from renderers.transport.photons.density import CURVED_SLAB, FLAT_COS, SLAB_FLOOR, Lookup, irradiance, points
-from renderers.transport.photons.map import PhotonMap
+from renderers.transport.photons.map import PhotonMap, photon_map
 from renderers.transport.photons.pixels import Pixels
+from renderers.transport.photons.tracing import Traced
 from renderers.transport.photons.tree import Tree, build, nearest
 from renderers.transport.raycast import caster_of, off_surface
 from renderers.transport.sampling import generator, lattice
@@ -39,9 +41,15 @@ class StoredIrradiance(NamedTuple):
 
 
 def stored_irradiance(world: World, photons: PhotonMap, how: Lookup) -> StoredIrradiance:
-    """Irradiance at every SPARSE-th photon (tree order, hence spread evenly); `how` should leave the own photon out."""
-    some = photons.photons.rows(slice(0, None, SPARSE))
-    value = irradiance(photons, points(world, some.position, some.normal, some.triangle), how)
+    """Irradiance at every SPARSE-th photon (tree order, hence spread evenly), estimated from the others.
+
+    From the others, because places in a thin patch are the nearest to more of the surface: were their estimates low for
+    lying in it, the mean over the surface would be low by about 1/k.
+    """
+    place = np.arange(len(photons)) % SPARSE == 0
+    some, rest = photons.photons.rows(place), photons.photons.rows(~place).scaled(SPARSE / (SPARSE - 1))
+    others = photon_map(Traced(rest, photons.emitted, photons.flux, 0, False))
+    value = irradiance(others, points(world, some.position, some.normal, some.triangle), how)
     axis, split, levels, order = build(some.position)
     tree = Tree(axis, split, levels, some.position[order], some.normal[order])
     return StoredIrradiance(tree, value[order], how.radius)

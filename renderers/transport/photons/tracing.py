@@ -55,6 +55,11 @@ class Photons(NamedTuple):
         columns: list[Any] = [column[index] for column in self]
         return Photons(*columns)
 
+    def scaled(self, factor: float) -> Photons:
+        """The same photons with fluxes times `factor`."""
+        position, direction, flux, *rest = self
+        return Photons(position, direction, flux * np.float32(factor), *rest)
+
     def __len__(self) -> int:
         """Number of photons."""
         return int(self.position.shape[0])
