@@ -45,7 +45,7 @@ def linked(vpls: int, **others: Any) -> FlcSettings:
     """Levels tied to the points: ε_Ω R_1² = η_1 = (|S| / N) / μ_1."""
     first = SURFACE / vpls / geometric_levels(LEVELS, 1.0, 2.0, 2.0)[1][0]
     reach = (first / EPSILON_OMEGA) ** 0.5 / RADIUS
-    return FlcSettings(vpls=vpls, sampler="resampled", levels=LEVELS, reach=reach, eps_b=EPS_B, **others)
+    return FlcSettings(vpls=vpls, sampler="resampled", family="c0", levels=LEVELS, reach=reach, eps_b=EPS_B, **others)
 
 
 def resolved(vpls: int = 3000) -> Any:

@@ -284,7 +284,7 @@ def test_h_14_spheres_at_the_eye() -> None:
 
 def test_h_15_the_last_level_reaches_every_pixel_and_is_counted() -> None:
     """Its lights cost a pair at each pixel; `calibrate` ends the levels before it gets fewer than 32, and a note tells K."""
-    frame = METHOD.render(toy_box(), FlcSettings(vpls=2000, sampler="resampled", reach=0.1), size=SMALL)
+    frame = METHOD.render(toy_box(), FlcSettings(vpls=2000, sampler="resampled", family="c0", reach=0.1), size=SMALL)
     last = max(int(name.rsplit("_", 1)[1]) for name in frame.counters if name.startswith("vpls_level_"))
     assert frame.counters[f"vpls_level_{last}"] > 10
     assert any(f"K = {last}" in note for note in frame.notes)
