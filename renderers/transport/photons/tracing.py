@@ -57,8 +57,8 @@ class Photons(NamedTuple):
 
     def scaled(self, factor: float) -> Photons:
         """The same photons with fluxes times `factor`."""
-        position, direction, flux, *rest = self
-        return Photons(position, direction, flux * np.float32(factor), *rest)
+        flux = self.flux * np.float32(factor)
+        return Photons(self.position, self.direction, flux, self.distance, self.normal, self.bounce, self.triangle)
 
     def __len__(self) -> int:
         """Number of photons."""
