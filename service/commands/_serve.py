@@ -33,7 +33,7 @@ Webhook = Annotated[
 ]
 STOP_S = 20
 GRACE_S = 3
-NICER = 5  # a worker gives way to the service on the same machine; where nothing else wants to run, this changes nothing
+NICER = 15  # a worker gives way to the service on the same machine; where nothing else wants to run, this changes nothing
 HEADERS_KIB = 32
 
 
