@@ -1,6 +1,6 @@
 """One bounce, four ways: instant radiosity, reflective shadow maps, directional occlusion in screen space, deep screen space.
 
-Run it from the repository root: `python examples/13_reflective_maps_and_screen_space.py [out.png]`.
+Run it from the repository root: `python examples/10_reflective_maps_and_screen_space.py [out.png]`.
 """
 
 import sys
@@ -26,6 +26,6 @@ for wide in (False, True):
 
 # Left to right: rsm, ssdo, dss, ir; light of the bounce alone.
 picture = np.concatenate(rows)
-out = sys.argv[1] if len(sys.argv) > 1 else "13_reflective_maps_and_screen_space.png"
+out = sys.argv[1] if len(sys.argv) > 1 else "10_reflective_maps_and_screen_space.png"
 write_png(out, picture, exposure=1 / float(np.quantile(luminance(picture), 0.98)))
 print(f"wrote {out}")

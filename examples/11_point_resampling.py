@@ -1,6 +1,6 @@
 """Points resampled from the triangles of a colonnade, and the light they send: 20,000 triangles left, 400,000 right.
 
-Run it from the repository root: `python examples/14_point_resampling.py [out.png]`. Above: 8,192 points of all surfaces, those in
+Run it from the repository root: `python examples/11_point_resampling.py [out.png]`. Above: 8,192 points of all surfaces, those in
 sight as dots, from frequent levels (blue) to rare ones (red); as dense on few large triangles as on many small ones. Below: `flc`
 with just these points.
 """
@@ -49,6 +49,6 @@ for count in (20_000, 400_000):
     frame = method.render(scene, method.Settings(vpls=POINTS, sampler="resampled", levels=3), size=SIZE)
     light = frame.layers["beauty"]
     columns.append(np.concatenate([dots, light / np.percentile(light, 97)]))
-out = sys.argv[1] if len(sys.argv) > 1 else "14_point_resampling.png"
+out = sys.argv[1] if len(sys.argv) > 1 else "11_point_resampling.png"
 write_png(out, np.concatenate(columns, axis=1), exposure=1.0)
 print(f"wrote {out}")
