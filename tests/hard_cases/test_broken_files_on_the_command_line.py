@@ -53,20 +53,18 @@ def test_loadable_files_render(name: str, broken: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_the_others_are_refused_in_one_line(name: str, broken: Path, tmp_path: Path) -> None:
-    least = 10.0
-    for _ in range(3):  # what it takes on an idle machine is the least it takes on one where other things run
-        before, start = os.times(), time.monotonic()
-        done = render(broken / f"{name}.glb", tmp_path / "out")
-        wall, after = time.monotonic() - start, os.times()
-        spent = after.children_user + after.children_system - before.children_user - before.children_system
-        least = min(least, wall, spent)
-        if least < 1:
-            break
+    before = os.times()
+    start = time.monotonic()
+    done = render(broken / f"{name}.glb", tmp_path / "out")
+    wall = time.monotonic() - start
+    after = os.times()
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
-    assert least < 1
+    # CPU seconds of the command: what it takes on an idle machine, whatever else runs here.
+    spent = after.children_user + after.children_system - before.children_user - before.children_system
+    assert min(wall, spent) < 1.0
 
 
 def test_a_bomb_of_nodes_and_primitives_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import NDArray
 
 from renderers.scene.builder import SceneBuilder
 from renderers.scene.builtin.boxes import FPS
@@ -59,11 +59,11 @@ def _sail(b: SceneBuilder, frames: int) -> int:
     path = np.column_stack(
         [1.0 * np.sin(2 * np.pi * u - 1.2), 2.3 - 0.3 * u + 0.06 * np.sin(6 * np.pi * u), 0.5 * np.cos(2 * np.pi * u) - 0.4]
     )
-    turns = Rotation.from_euler(
+    turns = _turns(
         "YXZ", np.column_stack([0.5 * np.sin(2 * np.pi * u), -0.5 + 0.15 * np.sin(4 * np.pi * u), 0.6 * np.cos(2 * np.pi * u)])
     )
     b.animate(node, "translation", np.arange(frames + 1) / FPS, path)
-    b.animate(node, "rotation", np.arange(frames + 1) / FPS, turns.as_quat())
+    b.animate(node, "rotation", np.arange(frames + 1) / FPS, turns)
     return node
 
 
@@ -75,6 +75,13 @@ def _panel(a: tuple[float, ...], p: tuple[float, ...], q: tuple[float, ...], cel
     points = sum(w[..., None] * c for w, c in zip(weight, corners, strict=True))
     belly = 1.2 * weight[0] * weight[1] + 0.9 * weight[1] * weight[2] + 0.6 * weight[0] * weight[2]
     return grid(points + belly[..., None] * np.array([0.0, 0.0, -0.35]))
+
+
+def _turns(axes: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Quaternions (n, 4) of Euler angles (n, len(axes)); scipy is loaded here, since listing scenes must not cost its import."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler(axes, angles).as_quat())
 
 
 def _tail(b: SceneBuilder, sail: int, frames: int) -> None:
@@ -90,5 +97,5 @@ def _tail(b: SceneBuilder, sail: int, frames: int) -> None:
     for k in range(TAIL):
         node = b.node(name=f"tail {k}", parent=parent, meshes=meshes, translation=(0.0, -0.8 if k == 0 else -LINK, 0.0))
         swing = 0.16 * np.sin(2 * np.pi * (6 * time / frames - k / 7)) + (0.25 if k == 0 else 0.0)
-        b.animate(node, "rotation", time / FPS, Rotation.from_euler("ZX", np.column_stack([swing, 0.6 * swing])).as_quat())
+        b.animate(node, "rotation", time / FPS, _turns("ZX", np.column_stack([swing, 0.6 * swing])))
         parent = node
