@@ -17,7 +17,7 @@ from jobs.artifacts import Artifacts
 from jobs.database import IDLE_S
 from jobs.durable.client import Client
 from jobs.durable.engine import Engine
-from jobs.durable.workplace import Observer
+from jobs.durable.station import Observer
 from jobs.heartbeat import Heartbeat
 from jobs.leftovers import clean_up_machine
 from jobs.place import place

@@ -59,7 +59,7 @@ class Nights:
         log.log(level, "nightly suite ended with exit code %d: %s", code, said[-1] if said else "it said nothing")
 
     def _carry_out(self, output: IO[str]) -> int:
-        from jobs.durable.workplace import Stopped  # the worker that calls this has loaded it; the command line starts without
+        from jobs.durable.station import Stopped  # the worker that calls this has loaded it; the command line starts without
 
         environment = child_environment() | {"LUXMETER_HOME": str(self._home)}
         command = [sys.executable, "-P", "-m", "service.nights", str(os.getpid()), *self._arguments]

@@ -26,7 +26,7 @@ WARM_UP_SIZE = (32, 16)
 
 @dataclass
 class Bench:
-    """One claim's workplace. report takes one line on what is going on."""
+    """One claim's bench. report takes one line on what is going on."""
 
     report: Callable[[str], None]
     store: Store = field(default_factory=Store)

@@ -13,8 +13,8 @@ from dbos import DBOS
 from jobs.database import IDLE_S, WithoutFlush, is_sqlite, prepare_file, readable_errors
 from jobs.durable import workflows
 from jobs.durable.recovery import look, requeue, taken
+from jobs.durable.station import Observer, Station, enter
 from jobs.durable.wire import LIMITS, NAME, VERSION, Json, address
-from jobs.durable.workplace import Observer, Workplace, enter
 from jobs.monitor import Monitor
 from jobs.records import Records
 from jobs.strays import PATIENCE_S, Strays
@@ -37,7 +37,7 @@ class Engine:
         self.url, self.executor, self.poll_s, self.idle_s, self.cron = url, executor, poll_s, idle_s, cron
         self._monitor = Monitor(records, executor, look)
         self._strays = Strays(executor, min(idle_s, PATIENCE_S))
-        self._workplace = Workplace(
+        self._station = Station(
             executor, records, bench, self._monitor, self._strays, poll_s=poll_s, observer=observer, nightly=nightly
         )
 
@@ -53,7 +53,7 @@ class Engine:
                     "sys_db_idle_transaction_timeout_sec": self.idle_s, "db_engine_kwargs": _connecting(self.url),
                 }
             )  # fmt: skip
-            enter(self._workplace)
+            enter(self._station)
             DBOS.listen_queues(list(LIMITS))
             DBOS.launch()
             if self.cron is not None:
@@ -62,8 +62,8 @@ class Engine:
 
     def stop(self) -> None:
         """End the children and take no more work. What was under way stays unfinished in the database."""
-        self._workplace.stopping.set()
-        self._workplace.wake()
+        self._station.stopping.set()
+        self._station.wake()
         end = time.monotonic() + 10
         while self._monitor.busy() and time.monotonic() < end:
             time.sleep(0.02)

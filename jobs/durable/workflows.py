@@ -16,8 +16,8 @@ from typing import Any
 import sqlalchemy as sa
 from dbos import DBOS, SetEnqueueOptions, SetWorkflowID
 
+from jobs.durable.station import Station, Stopped, current
 from jobs.durable.wire import workflow_id
-from jobs.durable.workplace import Stopped, Workplace, current
 from jobs.errors import TaskError, describe
 from jobs.graph import REPORT, Node, graph, startable, withdrawable
 from jobs.outcome import CANCELLED, Outcome
@@ -96,7 +96,7 @@ def await_end(id: str, attempt: int, running: list[str]) -> list[str]:
             here.news.wait(here.poll_s)
 
 
-def _found(here: Workplace, id: str, attempt: int, running: list[str]) -> list[str]:
+def _found(here: Station, id: str, attempt: int, running: list[str]) -> list[str]:
     """Those of the running nodes that have ended, and what was withdrawn."""
     states = {row["node"]: row["state"] for row in here.records.nodes(id, "node", "state")}
     found = [name for name in running if states[name] not in ("queued", "running")]
@@ -107,7 +107,7 @@ def _found(here: Workplace, id: str, attempt: int, running: list[str]) -> list[s
     return found
 
 
-def _withdraw(here: Workplace, id: str, attempt: int, states: Mapping[str, str]) -> list[str]:
+def _withdraw(here: Station, id: str, attempt: int, states: Mapping[str, str]) -> list[str]:
     """End nodes of a cancelled evaluation that no worker has begun; their names."""
     names = withdrawable(graph(here.plan_of(id)[0]), states)
     if names:
@@ -117,7 +117,7 @@ def _withdraw(here: Workplace, id: str, attempt: int, states: Mapping[str, str])
     return names
 
 
-def _bury(here: Workplace, id: str, attempt: int, running: list[str]) -> None:
+def _bury(here: Station, id: str, attempt: int, running: list[str]) -> None:
     """End nodes whose workflow ended without an outcome: given up after too many deaths of its worker, or broken."""
     names = {workflow_id(id, attempt, name): name for name in running}
     found = DBOS.list_workflows(workflow_ids=list(names), status=[*ENDED], load_input=False, load_output=False)

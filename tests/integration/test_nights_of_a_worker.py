@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from service_processes import wait
 
-from jobs.durable.workplace import Stopped
+from jobs.durable.station import Stopped
 from jobs.errors import RequestError
 from jobs.stopped import children
 from reports.runs import history

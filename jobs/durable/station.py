@@ -36,7 +36,7 @@ class Stopped(BaseException):
     """This execution ends: its workflow stays as it is and is taken up again, here or by another worker. Not recorded by DBOS."""
 
 
-class Workplace:
+class Station:
     """Does nodes, and writes down how they ended. `news` is notified of every end; `stopping` is set when this worker ends."""
 
     def __init__(
@@ -116,17 +116,17 @@ class Workplace:
             log.warning("can't tell of progress: %s", error)
 
 
-_here: Workplace | None = None
+_here: Station | None = None
 
 
-def enter(workplace: Workplace | None) -> None:
-    """Make it the workplace of this process; None when its worker has ended."""
+def enter(station: Station | None) -> None:
+    """Make it the station of this process; None when its worker has ended."""
     global _here
-    _here = workplace
+    _here = station
 
 
-def current() -> Workplace:
-    """The workplace of this process; a workflow that finds none belongs to a worker that has ended."""
+def current() -> Station:
+    """The station of this process; a workflow that finds none belongs to a worker that has ended."""
     if _here is None:
         raise Stopped
     return _here
