@@ -8,7 +8,7 @@ import os
 import resource
 import statistics
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Any
@@ -42,9 +42,8 @@ def render(task: RenderTask, progress: Callable[[dict[str, Any]], None]) -> dict
         return {"frames": len(task.outputs), "key": key, "cached": True}
     small = (min(task.size[0], WARM_UP_SIZE[0]), min(task.size[1], WARM_UP_SIZE[1]))
     method.render(replace(scene), settings, size=small, seed=task.seed, frame=task.outputs[0].frame)
-    for done, output in enumerate(task.outputs):
-        started = _now()
-        frame = _measured(method, scene, settings, task, output.frame)
+    started, measured = _now(), _measured(method, scene, settings, task)
+    for done, (output, frame) in enumerate(zip(task.outputs, measured, strict=True)):
         result = _result(task, output, scene, frame, dump(settings))
         result = result.model_copy(update={"approximations": list(approximations), "started": started, "finished": _now()})
         attributes = {"scene": task.scene_name, "method": task.label, "seed": str(task.seed), "frame": str(output.frame)}
@@ -53,6 +52,7 @@ def render(task: RenderTask, progress: Callable[[dict[str, Any]], None]) -> dict
         write_model(task.folder / output.result, result)
         reach("render between frames")
         progress({"done": done + 1, "of": len(task.outputs)})
+        started = _now()
     return {"frames": len(task.outputs), "key": key, "cached": False}
 
 
@@ -120,15 +120,17 @@ def _settings(task: RenderTask) -> dict[str, Any]:
     return chosen
 
 
-def _measured(method: Method, scene: Scene, settings: Any, task: RenderTask, number: int) -> Frame:
-    """The frame with median timings. Every run gets a fresh Scene object, so that nothing cached hides its preparation."""
-    frames = []
-    for _ in range(task.repeats):
-        frames.append(method.render(replace(scene), settings, size=task.size, seed=task.seed, frame=number))
-        if content_hash(frames[-1]) != content_hash(frames[0]):
+def _measured(method: Method, scene: Scene, settings: Any, task: RenderTask) -> Iterator[Frame]:
+    """The task's frames with median timings. Every run has its own Scene object, so that nothing cached hides its preparation."""
+    span = (task.outputs[0].frame, task.outputs[-1].frame)
+    runs = [
+        method.render_frames(replace(scene), settings, size=task.size, seed=task.seed, frames=span) for _ in range(task.repeats)
+    ]
+    for frames in zip(*runs, strict=True):
+        if any(content_hash(frame) != content_hash(frames[0]) for frame in frames[1:]):
             raise TaskError(f"{task.method} gave two different images for one seed")
-    timings = median_timings([frame.timings for frame in frames])
-    return replace(frames[0], timings=tuple(Timing(**t) for t in timings))
+        timings = median_timings([frame.timings for frame in frames])
+        yield replace(frames[0], timings=tuple(Timing(**t) for t in timings))
 
 
 def _result(task: RenderTask, output: FrameOutput, scene: Scene, frame: Frame, settings: dict[str, Any]) -> Result:

@@ -10,8 +10,8 @@ import importlib
 import os
 import pkgutil
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -107,14 +107,51 @@ class Method(ABC):
         size is (width, height) in pixels. Raises UnsupportedScene, ValueError (size, settings of another method) or
         FloatingPointError.
         """
+        return self._render(scene, self._ready(scene, settings, size), Context(size, seed, frame, Stopwatch()))
+
+    def render_frames(
+        self, scene: Scene, settings: Any = None, *, size: tuple[int, int] = (320, 180), seed: int = 0, frames: tuple[int, int]
+    ) -> Iterator[Frame]:
+        """Render the frames `frames[0]` … `frames[1]`, both included, one after the other; otherwise as `render`.
+
+        Frame k of (A, B) has the bytes of frame k of (A, k). Without state between frames (`SequenceMethod` has one) it has those
+        of `render(frame=k)` too.
+        """
+        if not 0 <= frames[0] <= frames[1]:
+            raise ValueError(f"frames must be (A, B) with 0 ≤ A ≤ B, got {frames}")
+        settings = self._ready(scene, settings, size)
+        contexts = (Context(size, seed, frame, Stopwatch()) for frame in range(frames[0], frames[1] + 1))
+        return self._render_frames(scene, settings, contexts)
+
+    def _render_frames(self, scene: Scene, settings: Any, contexts: Iterable[Context]) -> Iterator[Frame]:
+        """Each frame by itself, from a scene that nothing has been cached for: its timings are those of a frame alone."""
+        for context in contexts:
+            yield self._render(replace(scene), settings, context)
+
+    def _ready(self, scene: Scene, settings: Any, size: tuple[int, int]) -> Any:
+        """Settings as `_render` takes them, after everything that can be refused has been checked."""
         settings = self.Settings() if settings is None else settings
         if not isinstance(settings, self.Settings):
             raise ValueError(f"{self.name} takes {self.Settings.__qualname__}, got {type(settings).__qualname__}")
         if not all(1 <= n <= 8192 for n in size):
             raise ValueError(f"size must lie in 1..8192 pixels, got {size[0]}x{size[1]}")
         self.check(scene)
-        settings = self.resolve(scene, settings, device_string())
-        return self._render(scene, settings, Context(size, seed, frame, Stopwatch()))
+        return self.resolve(scene, settings, device_string())
+
+
+class SequenceMethod(Method):
+    """A method that keeps state from frame to frame. Subclasses implement `_render_frames` instead of `_render`.
+
+    The state belongs to one call of `render_frames`: it begins empty at the first frame asked for, and is a function of the frames
+    up to the present one alone, so that a range can be cut short or begun again and gives the same bytes.
+    """
+
+    @abstractmethod
+    def _render_frames(self, scene: Scene, settings: Any, contexts: Iterable[Context]) -> Iterator[Frame]:
+        """Render consecutive frames with resolved settings, each with its own watch."""
+
+    def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
+        return next(iter(self._render_frames(scene, settings, [context])))
 
 
 def device_string() -> str:

@@ -6,13 +6,15 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from jobs import points
-from renderers import Claim, Frame, Method, Scene, Settings, Transport, register, setting
+from renderers import Claim, Frame, Method, Scene, SequenceMethod, Settings, Transport, register, setting
+from renderers.method import Context
 
 
 class FlatSettings(Settings):
@@ -85,6 +87,23 @@ class Budget(Method):
         return Frame({"beauty": image}, context.watch.timings, {"steps": settings.steps})
 
 
+class Tally(SequenceMethod):
+    """Brightness is how many frames this one call has rendered."""
+
+    name = "tally"
+    title = "Frames counted"
+    source = "luxmeter's tests"
+
+    def transport(self, settings: Settings) -> Transport:
+        return "direct"
+
+    def _render_frames(self, scene: Scene, settings: Settings, contexts: Iterable[Context]) -> Iterator[Frame]:
+        for done, context in enumerate(contexts, start=1):
+            with context.watch("fill"):
+                image = np.full((context.size[1], context.size[0], 3), done, np.float32)
+            yield Frame({"beauty": image}, context.watch.timings, {"frame": context.frame})
+
+
 def count(size: tuple[int, int]) -> None:
     """Add a line for this render to the file `rendered` in the data folder, where there is one."""
     counts = Path(os.environ.get("LUXMETER_HOME", ""), "rendered")
@@ -105,3 +124,4 @@ if Path(sys.argv[0]).match("jobs/child.py"):
     points.hook = kill_child
 register(Flat)
 register(Budget)
+register(Tally)
