@@ -12,6 +12,9 @@ from renderers import get_method, load_scene
 from renderers.images import read_exr
 
 
+pytestmark = pytest.mark.usefixtures("toy_methods")
+
+
 @pytest.fixture(autouse=True)
 def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in ("renderers.method", "jobs.rendering"):
