@@ -4,6 +4,7 @@
 | --- | --- |
 | `lifespan` | change rates of irradiance and of radiance coefficients, lifespans |
 | `motion` | what differs between the Worlds of two frames |
+| `anchors` | which surface a place lies on, and where it goes |
 | `sampling` | hemispheres whose hits are kept, at places numbered once for all |
 | `prediction` | the same hemispheres one frame ahead: cast anew where something moved, or by reprojection |
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
