@@ -2,6 +2,7 @@
 
 `<assets>/data/<id>.js` calls `luxmeter.image(id, {width, height, rgb, over})`: rgb is base64 of little-endian float32 (H, W, 3),
 row 0 on top; `over` maps a reference's id to base64 of one byte a pixel (0 within 2 %, 1 surely over, 2 undecided).
+`<assets>/pictures/<id>.<name>.png` is a diagnostic picture that the method drew beside the image.
 """
 
 from __future__ import annotations
@@ -69,7 +70,18 @@ class _Frame:
             if stored is not None and stored.mean.shape == pixels.shape:
                 own[against] = self._reference(stored)
                 over[own[against]] = encode(over_states(stored.pair(pixels, self.scene.exposure)))
-        self._write(f"{self.prefix}-{row.key}-f{self.frame}", row.label, pixels, over, {"kind": "method", **own})
+        key = f"{self.prefix}-{row.key}-f{self.frame}"
+        self._write(key, row.label, pixels, over, {"kind": "method", "pictures": self._pictures(key, cell), **own})
+
+    def _pictures(self, key: str, cell: Cell) -> list[dict[str, str]]:
+        """Write the diagnostic pictures that the method drew; their files, names and captions."""
+        found = []
+        for picture in self.images.pictures(cell):
+            file = f"{key}.{picture.name}.png"
+            (self.assets / "pictures").mkdir(exist_ok=True)
+            write_png(self.assets / "pictures" / file, picture.pixels, exposure=1.0)
+            found.append({"file": file, "name": picture.name.replace("-", " "), "caption": picture.caption})
+        return found
 
     def _reference(self, stored: StoredReference) -> str:
         if stored.info.id not in self._references:
@@ -79,7 +91,7 @@ class _Frame:
             self._write(key, label, stored.mean, {}, {"kind": "reference"})
         return self._references[stored.info.id]
 
-    def _write(self, key: str, label: str, pixels: NDArray[np.float32], over: Mapping[str, str], more: Mapping[str, str]) -> None:
+    def _write(self, key: str, label: str, pixels: NDArray[np.float32], over: Mapping[str, str], more: Mapping[str, Any]) -> None:
         height, width = pixels.shape[:2]
         data = {"width": width, "height": height, "rgb": encode(pixels.astype("<f4")), "over": dict(over)}
         (self.assets / "data" / f"{key}.js").write_text(f"luxmeter.image({json.dumps(key)},{json.dumps(data)});\n")

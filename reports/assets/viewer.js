@@ -113,7 +113,8 @@ const luxmeter = (() => {
       this.canvas = element("canvas", { tabindex: "0", role: "img", "aria-label": "Image viewer. Arrow keys move the probed pixel, plus and minus zoom, square brackets change the exposure, F flips, 1 to 5 choose the mode, 0 resets." });
       this.readout = element("output", { class: "readout" });
       this.key = element("div", { class: "key" });
-      place.replaceChildren(this.controls(), this.canvas, this.readout, this.key);
+      this.pictures = element("div", { class: "pictures" });
+      place.replaceChildren(this.controls(), this.canvas, this.readout, this.key, this.pictures);
       this.listen();
       this.useFrame(0);
       new ResizeObserver(() => this.draw()).observe(this.canvas);
@@ -176,10 +177,21 @@ const luxmeter = (() => {
       this.bSelect.value = this.state.b;
       try {
         await Promise.all([load(this.state.a), load(this.state.b)]);
+        this.showPictures();
         this.set({});
       } catch (error) {
         this.readout.textContent = error.message;
       }
+    }
+
+    // What the methods of A and B drew of their own work.
+    showPictures() {
+      const entries = [...new Set([this.state.a, this.state.b])].map((id) => this.entry(id));
+      this.pictures.replaceChildren(...entries.flatMap((entry) => (entry.pictures ?? []).map((picture) => {
+        const src = `${ASSETS}/pictures/${encodeURIComponent(picture.file)}`, alt = `${picture.name} of ${entry.label}`;
+        const name = element("strong", {}, `${entry.label}: ${picture.name}`);
+        return element("figure", {}, element("img", { src, alt, width: entry.width, height: entry.height }), element("figcaption", {}, name, ` ${picture.caption}`));
+      })));
     }
 
     set(changes) {

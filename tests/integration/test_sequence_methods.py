@@ -11,7 +11,6 @@ from jobs.tasks import FrameOutput, RenderTask
 from renderers import get_method, load_scene
 from renderers.images import read_exr
 
-
 pytestmark = pytest.mark.usefixtures("toy_methods")
 
 
