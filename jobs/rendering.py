@@ -27,6 +27,7 @@ from renderers import Frame, Method, Scene, Timing, get_method
 from renderers.images import write_exr
 from renderers.method import device_string
 from reports.results import Result
+from reports.stored import CAPTION
 
 WARM_UP_SIZE = (32, 18)
 
@@ -47,6 +48,7 @@ def render(task: RenderTask, progress: Callable[[dict[str, Any]], None]) -> dict
         result = _result(task, output, scene, frame, dump(settings))
         result = result.model_copy(update={"approximations": list(approximations), "started": started, "finished": _now()})
         attributes = {"scene": task.scene_name, "method": task.label, "seed": str(task.seed), "frame": str(output.frame)}
+        attributes |= {f"{CAPTION}{name}": text for name, text in frame.captions.items()}
         with whole(task.folder / output.image) as path:
             write_exr(path, frame.layers, "beauty", **attributes)
         write_model(task.folder / output.result, result)

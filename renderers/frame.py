@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LAYERS = ("direct", "indirect", "beauty")
+DIAGNOSTIC = re.compile(r"debug\.[a-z0-9]+(-[a-z0-9]+)*")  # names of layers that show how a method worked
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,10 @@ class Frame:
     """Result of one render call.
 
     layers: float32 (H, W, 3) each, linear radiance, row 0 on top, no tone map; `beauty` is always there, and equals `direct` +
-    `indirect` where those are. Raises ValueError when a layer has a wrong shape or dtype, FloatingPointError when one holds a NaN
-    or an infinity.
+    `indirect` where those are. A layer `debug.<name>` is a diagnostic picture: linear colours 0..1, shown as they are, without the
+    scene's exposure; `captions` says of each what it shows and what its colours mean. Raises ValueError when a layer has a wrong
+    shape or dtype, or a diagnostic picture a wrong name, range or no caption; FloatingPointError when one holds a NaN or an
+    infinity.
     """
 
     layers: Mapping[str, NDArray[np.float32]]
@@ -40,6 +44,7 @@ class Frame:
     counters: Mapping[str, int] = field(default_factory=dict)
     device: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    captions: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         shape = self.layers["beauty"].shape
@@ -49,6 +54,18 @@ class Frame:
             bad = int(np.count_nonzero(~np.isfinite(layer)))
             if bad:
                 raise FloatingPointError(f"layer {name!r} holds {bad} values that are not finite")
+            if name.startswith("debug."):
+                self._check_diagnostic(name)
+        if unknown := sorted(set(self.captions) - set(self.layers)):
+            raise ValueError(f"captions without a layer: {', '.join(unknown)}")
+
+    def _check_diagnostic(self, name: str) -> None:
+        if not DIAGNOSTIC.fullmatch(name):
+            raise ValueError(f"a diagnostic layer is called debug.some-name, got {name!r}")
+        if not self.captions.get(name):
+            raise ValueError(f"layer {name!r} has no caption")
+        if self.layers[name].min() < 0 or self.layers[name].max() > 1:
+            raise ValueError(f"layer {name!r} must hold colours 0..1")
 
 
 class Stopwatch:

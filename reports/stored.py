@@ -12,6 +12,18 @@ from renderers.images import read_exr
 from reports.folder import Cell, Evaluation, ReferenceInfo
 from reports.metrics import Pair
 
+DEBUG = "debug."
+CAPTION = "caption."  # an EXR attribute caption.<layer> says what a diagnostic picture shows
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A diagnostic picture of a method (layer `debug.<name>`): linear colours 0..1, float32 (H, W, 3), and what they mean."""
+
+    name: str
+    caption: str
+    pixels: NDArray[np.float32]
+
 
 @dataclass(frozen=True, eq=False)
 class StoredReference:
@@ -40,6 +52,11 @@ class Images:
         path = self.folder / "images" / f"{cell.id}.exr"
         return read_exr(path)[0]["beauty"] if path.is_file() else None
 
+    def pictures(self, cell: Cell) -> list[Picture]:
+        """Diagnostic pictures that a cell's method drew, by name."""
+        path = self.folder / "images" / f"{cell.id}.exr"
+        return read_pictures(path) if path.is_file() else []
+
     def reference(self, scene: str, frame: int, transport: str, size: tuple[int, int]) -> StoredReference | None:
         """The pixel-centre reference of a scene, frame, transport and size (width, height); None when there is none."""
         for info in self._infos:
@@ -59,6 +76,13 @@ class Images:
             path = self.folder / "references" / f"{info.id}.exr"
             self._references[info.id] = _read_reference(info, path) if path.is_file() else None
         return self._references[info.id]
+
+
+def read_pictures(path: Path) -> list[Picture]:
+    """Diagnostic pictures of an image file, by name."""
+    layers, attributes = read_exr(path)
+    named = sorted((name.removeprefix(DEBUG), name) for name in layers if name.startswith(DEBUG))
+    return [Picture(short, attributes[f"{CAPTION}{name}"], layers[name]) for short, name in named]
 
 
 def _read_reference(info: ReferenceInfo, path: Path) -> StoredReference:

@@ -23,11 +23,11 @@ from renderers import Frame
 SOURCE = "Laurent 2018"
 SCENE = "empty-room"
 OTHERS = ("colonnade", "cornell-box")
-SIZE = (640, 360)
+SIZE = (320, 180)
 CALIBRATION_SIZE = (160, 90)
-SEEDS = 10
-OTHER_SEEDS = 4
-REFERENCE_SECONDS = 420.0
+SEEDS = 6
+OTHER_SEEDS = 3
+REFERENCE_SECONDS = 120.0
 COUNTS = {"64k": 65536, "16k": 16384, "2k": 2048}
 # A ratio set by bisection on one seed and a small image comes back within a few per cent on other seeds at full size
 CALIBRATED = 0.05

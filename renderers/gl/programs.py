@@ -43,6 +43,12 @@ def program(vertex: str, fragment: str, snippet: str = "", defines: tuple[str, .
     )  # fmt: skip
 
 
+@cache
+def compute(name: str, snippet: str = "", defines: tuple[str, ...] = ()) -> Any:
+    """Compiled moderngl.ComputeShader, one per argument list. Raises moderngl.Error with the compiler's message."""
+    return context().compute_shader(source(name, snippet, defines))
+
+
 def assign(target: Any, **uniforms: Any) -> None:
     """Set uniforms by name; numbers, tuples, or bytes for matrices. Names that the compiler removed as unused are passed over."""
     for name, value in uniforms.items():

@@ -19,9 +19,9 @@ def splat_surfels(
     gbuffer: GBuffer | ResidentGBuffer, world: World, positions: F32, normals: F32, intensities: F32, radius: float, eps_b: float
 ) -> tuple[F32, int]:
     """Light of N surfels within `radius`, float32 (H, W, 3), and the number of pairs that bring any. All (N, 3). Raises GLError."""
-    payload = np.concatenate([normals, intensities], axis=1)
+    payload = np.concatenate([normals, np.zeros((len(normals), 1), np.float32), intensities], axis=1)
     inverse_bound = min(1 / eps_b, LARGEST) if eps_b > 0 else LARGEST
     snippet = (FOLDER / "surfels.glsl").read_text()
     radii = np.full(len(positions), radius, np.float32)
-    image = splat(gbuffer, world, positions, radii, payload, snippet, {"inverse_bound": inverse_bound})
+    image, _ = splat(gbuffer, world, positions, radii, payload, snippet, {"inverse_bound": inverse_bound})
     return np.ascontiguousarray(image[..., :3]), int(image[..., 3].sum(dtype=np.float64))

@@ -31,7 +31,7 @@ MATERIAL = np.dtype(
         ("unused", "i4"),
     ]
 )
-MATERIALS, TRIANGLE_MATERIAL, VERTICES, INDICES, PAYLOAD, SPHERES = range(6)
+MATERIALS, TRIANGLE_MATERIAL, VERTICES, INDICES, PAYLOAD = range(5)
 
 
 @dataclass(frozen=True, eq=False)

@@ -171,12 +171,17 @@ def is_ir(settings: Any) -> bool:
 def warm_up(world: World, settings: Any) -> None:
     """What `ir` warms up, and the splatting kernels or shader."""
     warm_up_ir(world, settings)
-    if is_ir(settings) or settings.backend == "gl":
+    if is_ir(settings):
+        return
+    kernel = {"linear": 1, "ridge": 2, "roulette": 3}.get(settings.family, 0)
+    if settings.backend == "gl":
+        from renderers.gl.cuts import warm_up as compile_shaders
+
+        compile_shaders(world, kernel)
         return
     from renderers.transport.splat import warm_up as compile_splat
 
-    pairwise = settings.visibility == "raycast" or bool((world.materials.kind != LAMBERT).any())
-    compile_splat({"linear": 1, "ridge": 2, "roulette": 3}.get(settings.family, 0), pairwise)
+    compile_splat(kernel, settings.visibility == "raycast" or bool((world.materials.kind != LAMBERT).any()))
 
 
 def draw(world: World, family: Family, settings: Any, seed: int, counters: Counter[str], points: Points | None = None) -> Draw:
@@ -244,7 +249,8 @@ def splat_rows(
     if settings.backend == "gl":
         from renderers.gl.cuts import splat_cuts
 
-        image, touched = splat_cuts(gbuffer, world, rows, spheres_of(rows), family.kernel, eps_b)
+        image, computed, touched = splat_cuts(gbuffer, world, rows, spheres_of(rows), family.kernel, eps_b)
+        counters["light_evaluations"] += computed
         counters["pixels_touched"] += touched
         return image
     from renderers.transport.raycast import caster_of

@@ -15,6 +15,7 @@ from typing import Any
 
 import drjit as dr
 
+from renderers.reference.bsdf import TwoLobes
 from renderers.reference.variant import mitsuba
 
 mi = mitsuba()
@@ -22,17 +23,14 @@ mi = mitsuba()
 LEAST_SHARE = 0.1
 
 
-class GGX(mi.BSDF):  # type: ignore[misc, name-defined]
+class GGX(TwoLobes):
     """Plugin `luxmeter_ggx`; properties base (texture), metallic, alpha."""
 
     def __init__(self, props: Any) -> None:
-        mi.BSDF.__init__(self, props)
+        super().__init__(props)
         self.base = props.get_texture("base")
         self.metallic = mi.Float(props["metallic"])
         self.alpha = mi.Float(props["alpha"])
-        flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide
-        self.m_components = [flags]
-        self.m_flags = flags
 
     def _colours(self, si: Any, active: Any) -> tuple[Any, Any]:
         base = self.base.eval(si, active)
@@ -45,21 +43,15 @@ class GGX(mi.BSDF):  # type: ignore[misc, name-defined]
         share = dr.clip(glossy / dr.maximum(glossy + diffuse, 1e-20), LEAST_SHARE, 1 - LEAST_SHARE)
         return dr.select(diffuse > 0, share, 1)
 
-    def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
-        """A direction and f·cos/pdf."""
+    def direction(self, si: Any, sample1: Any, sample2: Any, active: Any) -> Any:
+        """From the glossy lobe or the diffuse one."""
         f0, c_diff = self._colours(si, active)
         glossy = sample1 < self._split(f0, c_diff, mi.Frame3f.cos_theta(si.wi))
         half = _visible_normal(si.wi, self.alpha, sample2)
-        bs = mi.BSDFSample3f()
-        bs.wo = dr.select(glossy, mi.reflect(si.wi, half), mi.warp.square_to_cosine_hemisphere(sample2))
-        value, bs.pdf = self.eval_pdf(ctx, si, bs.wo, active)
-        bs.eta = 1.0
-        bs.sampled_type = mi.UInt32(+self.m_flags)
-        bs.sampled_component = mi.UInt32(0)
-        return bs, dr.select(bs.pdf > 0, value / bs.pdf, 0)
+        return dr.select(glossy, mi.reflect(si.wi, half), mi.warp.square_to_cosine_hemisphere(sample2))
 
     def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-        """f·cos and the density that `sample` has."""
+        """f·cos and the density that `direction` has."""
         nv, nl = mi.Frame3f.cos_theta(si.wi), mi.Frame3f.cos_theta(wo)
         active = active & (nv > 0) & (nl > 0)
         f0, c_diff = self._colours(si, active)
@@ -75,14 +67,6 @@ class GGX(mi.BSDF):  # type: ignore[misc, name-defined]
         # Visible normals: D G1 (v·h)/nv per half vector, over 4 (v·h) per direction, with G1/nv = 2/(nv + root_v).
         density = (1 - split) * dr.inv_pi * nl + split * d / (2 * (nv + root_v))
         return dr.select(active, f * nl, 0), dr.select(active, density, 0)
-
-    def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        """f·cos."""
-        return self.eval_pdf(ctx, si, wo, active)[0]
-
-    def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        """Density of `sample` per solid angle."""
-        return self.eval_pdf(ctx, si, wo, active)[1]
 
     def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
         """Base colour, textured."""

@@ -113,7 +113,8 @@ const luxmeter = (() => {
       this.canvas = element("canvas", { tabindex: "0", role: "img", "aria-label": "Image viewer. Arrow keys move the probed pixel, plus and minus zoom, square brackets change the exposure, F flips, 1 to 5 choose the mode, 0 resets." });
       this.readout = element("output", { class: "readout" });
       this.key = element("div", { class: "key" });
-      place.replaceChildren(this.controls(), this.canvas, this.readout, this.key);
+      this.pictures = element("div", { class: "pictures" });
+      place.replaceChildren(this.controls(), this.canvas, this.readout, this.key, this.pictures);
       this.listen();
       this.useFrame(0);
       new ResizeObserver(() => this.draw()).observe(this.canvas);
@@ -126,9 +127,12 @@ const luxmeter = (() => {
         return element("label", {}, label, this[name]);
       };
       const bar = element("div", { class: "bar" });
-      const frame = select("frame", "frameSelect", (v) => this.useFrame(Number(v)));
-      this.data.frames.forEach((f, k) => this.frameSelect.append(element("option", { value: k }, f.frame)));
-      frame.hidden = this.data.frames.length < 2;
+      const last = this.data.frames.length - 1;
+      this.frameSlider = element("input", { type: "range", name: "frame", min: "0", max: String(last), step: "1", value: "0" });
+      this.frameSlider.addEventListener("input", () => this.useFrame(Number(this.frameSlider.value)));
+      this.frameText = element("output", { class: "frame" });
+      const frame = element("label", {}, "frame", this.frameSlider, this.frameText);
+      frame.hidden = last < 1;
       bar.append(frame, select("A", "aSelect", (v) => this.choose(v)), select("B", "bSelect", (v) => this.choose(this.state.a, v)));
       const modes = element("span", { class: "modes", role: "group", "aria-label": "Mode" });
       this.modeButtons = MODES.map(([mode, name]) => {
@@ -152,6 +156,8 @@ const luxmeter = (() => {
 
     useFrame(index) {
       this.state.frame = index;
+      this.frameText.textContent = this.data.frames[index].frame;
+      this.frameSlider.setAttribute("aria-valuetext", `frame ${this.data.frames[index].frame}`);
       const entries = this.data.frames[index].images;
       const before = (select) => select.selectedOptions[0]?.textContent;
       const labels = [before(this.aSelect), before(this.bSelect)];
@@ -176,10 +182,21 @@ const luxmeter = (() => {
       this.bSelect.value = this.state.b;
       try {
         await Promise.all([load(this.state.a), load(this.state.b)]);
+        this.showPictures();
         this.set({});
       } catch (error) {
         this.readout.textContent = error.message;
       }
+    }
+
+    // What the methods of A and B drew of their own work.
+    showPictures() {
+      const entries = [...new Set([this.state.a, this.state.b])].map((id) => this.entry(id));
+      this.pictures.replaceChildren(...entries.flatMap((entry) => (entry.pictures ?? []).map((picture) => {
+        const src = `${ASSETS}/pictures/${encodeURIComponent(picture.file)}`, alt = `${picture.name} of ${entry.label}`;
+        const name = element("strong", {}, `${entry.label}: ${picture.name}`);
+        return element("figure", {}, element("img", { src, alt, width: entry.width, height: entry.height }), element("figcaption", {}, name, ` ${picture.caption}`));
+      })));
     }
 
     set(changes) {

@@ -19,6 +19,7 @@ from jobs.store import Store
 from jobs.tasks import FrameOutput, PilotTask, RenderTask
 from renderers import Scene, get_method
 from renderers.images import luminance, read_exr, write_png
+from reports.stored import read_pictures
 from service import parse
 from service.options import Force, Frames, Json, Memory, Out, Quiet, Size, Timeout, in_bytes
 from service.output import check_free, print_json, staged
@@ -40,7 +41,10 @@ def render(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Render SCENE to OUT/frame.exr, frame.png and result.json; a range of frames to frame.0000.exr … and one result.json."""
+    """Render SCENE to OUT/frame.exr, frame.png and result.json; a range of frames to frame.0000.exr … and one result.json.
+
+    A method's diagnostic pictures go to frame.NAME.png.
+    """
     first, last = parse.frames(frames)
     pixels = parse.size(size)
     chosen = get_method(method)
@@ -64,8 +68,12 @@ def render(
         rows = _collect(folder, outputs)
         exposure = _exposure(named.scene, _beauty(folder / outputs[0].image))
         for output in outputs:
-            with whole((folder / output.image).with_suffix(".png")) as path:
-                write_png(path, _beauty(folder / output.image), exposure)
+            image = folder / output.image
+            with whole(image.with_suffix(".png")) as path:
+                write_png(path, _beauty(image), exposure)
+            for picture in read_pictures(image):
+                with whole(image.with_suffix(f".{picture.name}.png")) as path:
+                    write_png(path, picture.pixels, exposure=1.0)
         document = rows[0] if len(rows) == 1 else {"frames": rows}
         write_text(folder / "result.json", codec.dumps(document, indent=2) + "\n")
         if pilot is not None:

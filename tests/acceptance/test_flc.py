@@ -230,7 +230,7 @@ def test_ac_32_both_backends_draw_one_image(scene: str, family: str) -> None:
     law, g = family_of(loaded, settings), cast_gbuffer(world, (96, 54))
     rows = draw(world, law, settings, 0, Counter()).rows
     ours = splat(g, world, rows, law, 1e-4)
-    theirs, _ = splat_cuts(g, world, rows, spheres_of(rows), law.kernel, 1e-4)
+    theirs, _, _ = splat_cuts(g, world, rows, spheres_of(rows), law.kernel, 1e-4)
     difference = np.abs(ours - theirs).max(axis=-1)
     assert np.mean(difference > 1e-3 * ours.max(axis=-1)) <= 0.001
 
@@ -249,8 +249,8 @@ def test_the_backends_differ_by_the_pixels_of_edges_alone() -> None:
 
 
 @pytest.mark.gl
-def test_ac_24_quads_hold_supports_around_the_camera() -> None:
-    """GL bounds every support by a sphere's quad, the CPU by the pixels: one image from 3000 lights around a camera."""
+def test_ac_24_tiles_hold_supports_around_the_camera() -> None:
+    """GL bounds supports by spheres and by bounds of its own around the pixels: one image from 3000 lights around a camera."""
     from renderers.gl.cuts import splat_cuts
     from renderers.methods.flc import spheres_of
     from renderers.transport.sampling import uniform_sphere
@@ -267,7 +267,7 @@ def test_ac_24_quads_hold_supports_around_the_camera() -> None:
         rows = light_rows(vpls, family, np.ones(3000))
         counters = Counter[str]()
         ours = splat(g, world, rows, family, 1e-4, None, counters)
-        image, touched = splat_cuts(g, world, rows, spheres_of(rows), family.kernel, 1e-4)
+        image, _, touched = splat_cuts(g, world, rows, spheres_of(rows), family.kernel, 1e-4)
         np.testing.assert_allclose(image, ours, rtol=2e-4, atol=1e-4 * max(float(ours.max()), 1e-6))
         assert touched == pytest.approx(counters["pixels_touched"], rel=1e-4, abs=2)
 

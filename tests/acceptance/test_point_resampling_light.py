@@ -126,7 +126,7 @@ def lights_around(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.gl
-def test_t_23_quads_hold_their_spheres() -> None:
+def test_t_23_tiles_hold_their_spheres() -> None:
     """2164 spheres anywhere around the camera: each pixel whose surface lies in a sphere is drawn once for it, all others never."""
     from renderers.gl.splat import splat as splat_gl
 
@@ -134,8 +134,15 @@ def test_t_23_quads_hold_their_spheres() -> None:
     g = cast_gbuffer(world, (48, 36))
     centres = lights_around(2164)[0].astype(np.float64)
     radii = np.geomspace(0.005, 1.5, len(centres))
-    snippet = "vec4 contribution(Pixel pixel, int item, vec4 sphere) { return vec4(1.0); }"
-    drawn = splat_gl(g, world, centres, radii, np.zeros((len(centres), 1)), snippet)[..., 0]
+    snippet = """
+        struct Item { vec4 sphere; };
+        Item item_at(int index) { return Item(item_texel(index, 0)); }
+        bool misses(Node node, int index) { return false; }
+        vec4 contribution(Receiver receiver, Item item) {
+            return vec4(distance(receiver.position, item.sphere.xyz) <= item.sphere.w ? 1.0 : 0.0);
+        }
+    """
+    drawn = splat_gl(g, world, centres, radii, np.zeros((len(centres), 1)), snippet)[0][..., 0]
     distance = np.linalg.norm(g.position[:, :, None] - centres, axis=-1) - radii
     # float32 can't tell which side a pixel lies on within 1e-6 of the border
     sure, unsure = (distance < -1e-6).sum(axis=-1), (np.abs(distance) <= 1e-6).sum(axis=-1)
@@ -147,7 +154,7 @@ def test_t_23_quads_hold_their_spheres() -> None:
 @pytest.mark.gl
 @pytest.mark.parametrize("reach", [0.02, 0.1, 0.5])
 def test_t_24_bounds_change_nothing_but_the_work(reach: float) -> None:
-    """Quads around the supports against full screens, and the CPU's tiles against every pair: one image."""
+    """Spheres around the supports against endless ones, and the CPU's tiles against every pair: one image."""
     from renderers.gl.cuts import splat_cuts
 
     world = toy_box().world()
@@ -158,8 +165,8 @@ def test_t_24_bounds_change_nothing_but_the_work(reach: float) -> None:
     white = np.ones_like(places) / family.density(marks)[:, None]
     rows = np.concatenate([places.T, normals.T, white.T, family.parameters(marks)]).astype(np.float32)
     centres, radii = spheres_of(rows)
-    bounded, touched = splat_cuts(g, world, rows, (centres, radii), family.kernel, 1e-3)
-    everywhere, all_touched = splat_cuts(g, world, rows, (0 * centres, 0 * radii + 4), family.kernel, 1e-3)
+    bounded, _, touched = splat_cuts(g, world, rows, (centres, radii), family.kernel, 1e-3)
+    everywhere, _, all_touched = splat_cuts(g, world, rows, (0 * centres, 0 * radii + 4), family.kernel, 1e-3)
     assert touched == all_touched > 0
     np.testing.assert_array_equal(bounded, everywhere)
     counters = Counter[str]()

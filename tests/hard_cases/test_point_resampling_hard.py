@@ -276,8 +276,8 @@ def test_h_14_spheres_at_the_eye() -> None:
     normals = np.tile(forward, (9, 1)).astype(np.float32)
     rows = light_rows(Vpls(lights, normals, np.ones_like(lights), np.arange(9), 9), family, np.ones(9))
     centres, radii = spheres_of(rows)
-    bounded, touched = splat_cuts(g, world, rows, (centres, radii), family.kernel, 1e-4)
-    everywhere, all_touched = splat_cuts(g, world, rows, (0 * centres, 0 * radii + 4), family.kernel, 1e-4)
+    bounded, _, touched = splat_cuts(g, world, rows, (centres, radii), family.kernel, 1e-4)
+    everywhere, _, all_touched = splat_cuts(g, world, rows, (0 * centres, 0 * radii + 4), family.kernel, 1e-4)
     assert touched == all_touched > 0
     np.testing.assert_array_equal(bounded, everywhere)
 
@@ -298,8 +298,13 @@ def test_h_16_small_light_on_top_of_much() -> None:
     world = toy_box().world()
     g = cast_gbuffer(world, (4, 3))
     amount = np.concatenate([[1.0], np.full(10_000, 1e-4)])[:, None]
-    snippet = "vec4 contribution(Pixel pixel, int item, vec4 sphere) { return vec4(payload(item, 0)); }"
-    image = splat_gl(g, world, np.zeros((10_001, 3)), np.full(10_001, 4.0), amount, snippet)
+    snippet = """
+        struct Item { float amount; };
+        Item item_at(int index) { return Item(payload(index, 0).x); }
+        bool misses(Node node, int index) { return false; }
+        vec4 contribution(Receiver receiver, Item item) { return vec4(item.amount); }
+    """
+    image, _ = splat_gl(g, world, np.zeros((10_001, 3)), np.full(10_001, 4.0), amount, snippet)
     # 10,000 roundings of at most 2⁻²⁴ · 2 each
     np.testing.assert_allclose(image[g.covered], 2, atol=10_000 * 2.0**-23)
     assert np.float16(1) + np.float16(1e-4) == np.float16(1)

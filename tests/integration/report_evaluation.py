@@ -100,7 +100,11 @@ def make(
                         continue
                     image = truth(s, frame, transport, size) * bias
                     image = np.maximum(image * (1 + sigma * rng.standard_normal(image.shape)), 0).astype(np.float32)
-                    write_exr(folder / "images" / f"{cell_id}.exr", {"beauty": image}, default="beauty")
+                    layers, captions = {"beauty": image}, dict[str, str]()
+                    if method == "ir":
+                        layers["debug.light-paths"] = np.clip(image, 0, 1)
+                        captions["caption.debug.light-paths"] = "where <virtual> lights lie"
+                    write_exr(folder / "images" / f"{cell_id}.exr", layers, default="beauty", **captions)
                     metrics, floors = {}, {}
                     for against, key in (("matched", transport), ("full", "full")):
                         reference = stored[key]

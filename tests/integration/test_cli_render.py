@@ -41,6 +41,19 @@ def test_a_range_of_frames_has_one_result_with_rows(tmp_path: Path) -> None:
     assert [float(read_exr(out / f"frame.{n:04d}.exr")[0]["beauty"][0, 0, 0]) for n in (2, 3, 4)] == [1.5, 2.0, 2.5]
 
 
+def test_diagnostic_pictures_are_layers_and_files_of_their_own(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run(["render", "cornell-box", "--method", "tally", "--size", "4x4", "--frames", "5:6", "--out", str(out)]) == 0
+    names = [f"frame.000{n}{suffix}" for n in (5, 6) for suffix in (".age-of-state.png", ".exr", ".png")]
+    assert sorted(p.name for p in out.iterdir()) == [*names, "result.json"]
+    layers, attributes = read_exr(out / "frame.0006.exr")
+    assert (layers["debug.age-of-state"] == np.float32(2 / 8)).all()
+    assert attributes["caption.debug.age-of-state"] == "white: eight frames or more"
+    with Image.open(out / "frame.0006.age-of-state.png") as picture:
+        # the sRGB curve of 0.25, whatever the exposure
+        assert np.asarray(picture).tolist() == [[[137] * 3] * 4] * 4
+
+
 def test_a_wanted_time_becomes_work_before_the_render(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert run(["render", "cornell-box", "--method", "budget", "--set", "seconds=0.7", "--size", "4x4", "--out", str(out)]) == 0

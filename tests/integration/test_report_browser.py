@@ -152,6 +152,20 @@ def test_flip_and_slider(page: Any, folder: Path) -> None:
     assert canvas_pixel(page, 28, 20) == pytest.approx(list(display_values(reference["mean"], exposure)[20, 28]), abs=1)
 
 
+def test_diagnostic_pictures_stand_under_the_image_they_belong_to(page: Any) -> None:
+    open_viewer(page)
+    pictures = page.locator("#s0 .pictures figure")
+    assert pictures.count() == 1
+    assert pictures.inner_text() == "ir vpls=1024: light paths where <virtual> lights lie"
+    assert pictures.locator("img").evaluate("async i => { await i.decode(); return [i.naturalWidth, i.naturalHeight]; }") == [
+        32,
+        24,
+    ]
+    page.locator("#s0 select[name=aSelect]").select_option(label="flc")
+    page.wait_for_function("document.querySelector('#s0 .viewer .key').textContent.includes('left A: flc')")
+    assert pictures.count() == 0
+
+
 def test_zoom_keeps_the_probed_pixel_in_place(page: Any) -> None:
     canvas = open_viewer(page)
     page.locator("#s0 [data-mode=flip]").click()

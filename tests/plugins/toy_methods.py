@@ -101,7 +101,10 @@ class Tally(SequenceMethod):
         for done, context in enumerate(contexts, start=1):
             with context.watch("fill"):
                 image = np.full((context.size[1], context.size[0], 3), done, np.float32)
-            yield Frame({"beauty": image}, context.watch.timings, {"frame": context.frame})
+            age = np.full_like(image, min(done / 8, 1.0))
+            layers = {"beauty": image, "debug.age-of-state": age}
+            captions = {"debug.age-of-state": "white: eight frames or more"}
+            yield Frame(layers, context.watch.timings, {"frame": context.frame}, captions=captions)
 
 
 def count(size: tuple[int, int]) -> None:

@@ -18,7 +18,7 @@ from renderers.gbuffer import GBuffer
 from renderers.transport.caching.records import Float, Records
 from renderers.transport.caching.splat_kernels import accept, gather_records, splat_records
 from renderers.transport.caching.weights import WEIGHTS, Weight, checked_accuracy
-from renderers.transport.tiles import tiles_of
+from renderers.transport.tiles import Tiles, tiles_of
 
 
 class Canvas:
@@ -29,7 +29,7 @@ class Canvas:
     """
 
     def __init__(self, rows: NDArray[np.intp], width: int, position: Float, normal: Float, dtype: Any = np.float32) -> None:
-        self.rows, self.dtype = rows, np.dtype(dtype)
+        self.rows, self.width, self.dtype = rows, width, np.dtype(dtype)
         self.position, self.normal = (np.ascontiguousarray(a, dtype) for a in (position, normal))
         self.sums = np.zeros((len(rows), 4), dtype)
         single = (np.ascontiguousarray(a, np.float32) for a in (position, normal))
@@ -44,6 +44,11 @@ class Canvas:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @property
+    def tiles(self) -> Tiles:
+        """The pixels in screen tiles."""
+        return self._tiles
 
     def clear(self) -> None:
         """Forget all records."""

@@ -13,7 +13,7 @@ from renderers.gl import context as gl
 from renderers.gl import passes, timers, upload
 from renderers.gl.device import device_string
 from renderers.gl.gbuffer import render_gbuffer
-from renderers.gl.programs import program, source
+from renderers.gl.programs import compute, source
 from renderers.scene.load import load_scene
 
 pytestmark = pytest.mark.gl
@@ -73,14 +73,14 @@ def test_includes_are_inserted_once():
     assert text.startswith("#version 430\n#define X 1\n")
     assert "#include" not in text
     assert text.count("struct Material {") == 1
-    assert "my_snippet" in source("splat.frag.glsl", "vec4 my_snippet;")
+    assert "my_snippet" in source("splat.comp.glsl", "vec4 my_snippet;")
 
 
 def test_bad_glsl_says_so():
     import moderngl
 
     with pytest.raises(moderngl.Error, match="GLSL Compiler failed"):
-        program("splat.vert.glsl", "splat.frag.glsl", "vec4 contribution(")
+        compute("splat.comp.glsl", "vec4 contribution(")
 
 
 def test_uploads_are_bounded_and_follow_their_worlds():

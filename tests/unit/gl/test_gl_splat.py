@@ -6,17 +6,24 @@ import numpy as np
 import pytest
 from gl_oracle import F32_STEP
 
+import renderers.gl.splat as splat_module
+from renderers import get_method
 from renderers.gl.gbuffer import render_gbuffer
+from renderers.gl.programs import compute
 from renderers.gl.splat import splat
+from renderers.methods.flc import warm_up
 from renderers.scene.load import load_scene
 
 pytestmark = pytest.mark.gl
 SIZE = (48, 36)
 SNIPPET = """
 uniform float gain;
-vec4 contribution(Pixel pixel, int item, vec4 sphere) {
-    float w = 1.0 - distance(pixel.position, sphere.xyz) / sphere.w;
-    return vec4(pixel.normal * payload(item, 1) * gain, w);
+struct Item { vec4 sphere; float amount; };
+Item item_at(int index) { return Item(item_texel(index, 0), payload(index, 0).y); }
+bool misses(Node node, int index) { return false; }
+vec4 contribution(Receiver receiver, Item item) {
+    float w = 1.0 - distance(receiver.position, item.sphere.xyz) / item.sphere.w;
+    return w < 0.0 ? vec4(0.0) : vec4(receiver.normal * item.amount * gain, w);
 }
 """
 
@@ -36,10 +43,11 @@ def expected(g, centres, radii, payload, gain):
 def check(world, g, centres, radii):
     centres, radii = np.asarray(centres, np.float32), np.asarray(radii, np.float32)
     payload = np.random.default_rng(1).random((len(radii), 2)).astype(np.float32)
-    image = splat(g, world, centres, radii, payload, SNIPPET, {"gain": 0.5})
+    image, pairs = splat(g, world, centres, radii, payload, SNIPPET, {"gain": 0.5})
     total, margin = expected(g, centres, radii, payload, 0.5)
     sure = margin > 1e-6
     assert sure.mean() > 0.99
+    assert pairs >= np.count_nonzero(total[..., 3])
     # Items of size ≤ 1 are added one by one: a rounding each for the sum, some ten inside the snippet.
     tolerance = 20 * F32_STEP * len(radii) * np.maximum(np.abs(total), 1)
     assert np.all(np.abs(image - total)[sure] <= tolerance[sure])
@@ -77,4 +85,31 @@ def test_item_of_one_pixel_is_not_lost():
 def test_nothing_to_splat_is_black():
     world = load_scene("cornell-box").world()
     nothing = np.zeros((0, 3))
-    assert not splat(render_gbuffer(world, SIZE), world, nothing, np.zeros(0), np.zeros((0, 2)), SNIPPET, {"gain": 1.0}).any()
+    image, pairs = splat(render_gbuffer(world, SIZE), world, nothing, np.zeros(0), np.zeros((0, 2)), SNIPPET, {"gain": 1.0})
+    assert not image.any()
+    assert pairs == 0
+
+
+def test_sizes_that_tiles_do_not_divide_and_batches_change_nothing(monkeypatch):
+    """Tiles are 8 wide, blocks 32: pictures that end inside of them; and 200 items at 64 a batch, the last one short."""
+    world = load_scene("cornell-box").world()
+    rng = np.random.default_rng(6)
+    for size in ((33, 41), (8, 8), (7, 3)):
+        g = render_gbuffer(world, size)
+        centres = g.position[g.covered][rng.integers(g.covered.sum(), size=200)] + rng.normal(size=(200, 3)) * 0.05
+        radii = rng.uniform(0.01, 0.4, 200)
+        whole = check(world, g, centres, radii)
+        with monkeypatch.context() as patch:
+            patch.setattr(splat_module, "MOST", 64)
+            np.testing.assert_array_equal(check(world, g, centres, radii), whole)
+
+
+@pytest.mark.parametrize("family", ["c0", "linear", "ridge", "roulette"])
+@pytest.mark.parametrize("scene", ["cornell-box", "cornell-glossy"])
+def test_warm_up_compiles_all_that_a_frame_runs(scene, family):
+    loaded, method = load_scene(scene), get_method("flc")
+    settings = method.resolve(loaded, method.Settings(vpls=64, family=family, backend="gl"), "llvmpipe")
+    warm_up(loaded.world(), settings)
+    compiled = compute.cache_info().misses
+    method.render(loaded, settings, size=(16, 9))
+    assert compute.cache_info().misses == compiled

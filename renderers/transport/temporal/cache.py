@@ -1,0 +1,228 @@
+"""The live records of an animation, from frame to frame.
+
+1  A record whose life is over is computed anew at exactly its place: places are constants of the world, so the pattern of
+   interpolation errors stands still. It is deleted where it reached no pixel in its last frame, and (not in the publication)
+   where no surface lies any more, as behind or within an object that moved.
+2  All valid records are splatted; pixels that none reaches get new ones, as in `caching.placement`.
+3  Every record computed gets a lifespan from its change rate to the next frame (`lifespan`).             Gautron 2006, section 5.4
+
+Nothing is computed where nothing can have changed: while the Worlds of all frames since its own and the next one are alike, a
+record at the end of its life serves another one as it is.
+
+Guard (`Policy.guard`): foreseeing costs, and pays only where lives get longer than a frame. A place whose foreseen record lives
+for one frame is computed without foresight for 1, 3, 7 … 15 frames after it, with life 1; new places likewise, once most places
+do. So where light changes everywhere a frame costs what it costs without temporal caching, less the search for places.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.transport.caching.limits import limited
+from renderers.transport.caching.placement import Placement, fill
+from renderers.transport.caching.records import Float, Records, Sites
+from renderers.transport.caching.splat import Canvas
+from renderers.transport.temporal.anchors import anchors
+from renderers.transport.temporal.coverage import coverage
+from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
+from renderers.transport.temporal.records import Timed, Trends
+from renderers.transport.temporal.sampling import Ahead, TemporalSampler
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+Keeping = Literal["temporal", "per-frame", "static"]
+MOST_STRIKES = 4
+
+
+@dataclass(frozen=True)
+class Policy:
+    """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
+    frozen: no trends."""
+
+    a_t: float = 0.05
+    longest: int = 20
+    keeping: Keeping = "temporal"
+    guard: bool = True
+    stagger: bool = True
+    frozen: bool = False
+
+    @property
+    def foresees(self) -> bool:
+        """Whether lifespans depend on the next frame at all."""
+        return self.keeping == "temporal" and self.longest > 1
+
+
+class View(NamedTuple):
+    """Pixels of one G-buffer that records are splatted on, and what `placement` needs to know of them."""
+
+    canvas: Canvas
+    sites: Sites
+
+
+class Stage(NamedTuple):
+    """What one frame is computed with. still: nothing changes between this frame and the next; changed: frame since which nothing
+    has changed. ahead: foresees records; None: nothing to foresee."""
+
+    frame: int
+    sampler: TemporalSampler
+    distances: TemporalSampler
+    ahead: Ahead | None
+    placement: Placement
+    still: bool
+    changed: int
+
+
+class Computed(NamedTuple):
+    """Records before limits at their sites, now and one frame later, and whether the latter was foreseen, bool (K,)."""
+
+    sites: Sites
+    now: Records
+    later: Records
+    foreseen: NDArray[np.bool_]
+
+    @staticmethod
+    def joined(parts: Sequence[Computed]) -> Computed:
+        """All of them, in order; at least one."""
+        sites = Sites(*(np.concatenate(column) for column in zip(*(part.sites for part in parts), strict=True)))
+        now, later = Records.joined([part.now for part in parts]), Records.joined([part.later for part in parts])
+        return Computed(sites, now, later, np.concatenate([part.foreseen for part in parts]))
+
+
+@dataclass
+class TemporalCache:
+    """The records of one run through an animation. live: those after the latest `step`, by place."""
+
+    policy: Policy
+    live: Timed = field(default_factory=Timed.empty)
+    places: int = 0
+    least: float | None = None
+
+    def step(self, stage: Stage, views: Sequence[View], counters: Counter[str]) -> Timed:
+        """Go on to the next frame: renew, splat, fill; canvases then hold its irradiance. Returns the renewed records.
+
+        Counts records_new, records_renewed, records_kept (renewed without being computed), records_deleted and records_alive.
+        """
+        if self.policy.keeping == "per-frame":
+            self.live, self.places = Timed.empty(), 0
+        renewed = self.renew(stage, counters)
+        values = self.live.at(stage.frame)
+        placement = stage.placement
+        made, resting = list[Computed](), self._rests_everywhere()
+
+        def compute(sites: Sites, first: int = 0) -> Records:
+            place = self.places + np.arange(first - len(self.live), first - len(self.live) + len(sites.position))
+            ahead = None if resting else stage.ahead
+            now, later = stage.sampler.sample(sites, place, ahead)
+            made.append(Computed(sites, now, later, np.full(len(place), ahead is not None or stage.still)))
+            return now
+
+        for view in views:
+            view.canvas.add(values, placement.a, placement.weight, placement.gradients, counters)
+            values = fill(view.canvas, view.sites, compute, stage.distances.distances, placement, values)
+        self._adopt(stage, values.rows(slice(len(self.live), None)), made, counters)
+        self.live = cover(self.live, stage, views)
+        counters["records_alive"] += len(self.live)
+        return renewed
+
+    def renew(self, stage: Stage, counters: Counter[str]) -> Timed:
+        """Delete or compute anew all records whose life is over. Returns the new ones."""
+        over = self.live.last < stage.frame
+        old = self.live.rows(over & (self.live.covered > 0))
+        old = old.rows(anchors(stage.sampler.world, old.sites).held)
+        counters["records_deleted"] += int(np.count_nonzero(over)) - len(old)
+        counters["records_renewed"] += len(old)
+        same = (old.born >= stage.changed) & stage.still
+        counters["records_kept"] += int(same.sum())
+        resting = ~same & (old.rest > 0)
+        renewed = Timed.joined(
+            self._kept(old.rows(same), stage.frame),
+            self._computed(old.rows(resting), stage, None),
+            self._computed(old.rows(~same & ~resting), stage, stage.ahead),
+        )
+        self.live = _by_place(Timed.joined(self.live.rows(~over), renewed))
+        return _by_place(renewed)
+
+    def _kept(self, old: Timed, frame: int) -> Timed:
+        """Records that would come out as they are."""
+        count = len(old)
+        life = np.full(count, self.policy.longest)
+        return Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
+
+    def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
+        """Successors, their light foreseen where `ahead` is given."""
+        if not len(old):
+            return Timed.empty()
+        now, later = stage.sampler.sample(old.sites, old.place, ahead)
+        foreseen = np.full(len(old), ahead is not None or stage.still)
+        # neighbours among records that are still to come would make a frame depend on those after it
+        records = limited(now, replace(stage.placement.limits, neighbours=False))
+        computed = Computed(old.sites, now, later, foreseen)
+        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest)
+
+    def _adopt(self, stage: Stage, records: Records, made: list[Computed], counters: Counter[str]) -> None:
+        """Take in records of new places."""
+        counters["records_new"] += len(records)
+        if not made:
+            return
+        found = Computed.joined(made)
+        if self.least is None:
+            self.least = darkness(found.now.irradiance)
+        place = self.places + np.arange(len(records))
+        strikes = np.where(found.foreseen, 0, MOST_STRIKES)
+        rest = np.where(found.foreseen, 0, 1 + place % 2**MOST_STRIKES)
+        new = self._timed(stage.frame, records, found, place, strikes, rest)
+        if self.policy.stagger and self.policy.keeping == "temporal":
+            new = replace(new, life=staggered(new.life, place, self.policy.longest))
+        self.places += len(records)
+        self.live = Timed.joined(self.live, new)
+
+    def _timed(self, frame: int, records: Records, computed: Computed, place: I64, strikes: I64, rest: I64) -> Timed:
+        """Records with their lifespans and foreseen trends."""
+        sites, now, later, foreseen = computed
+        count = len(records)
+        trends = Trends.none(count)
+        if self.policy.foresees and not self.policy.frozen:
+            shrink = _shrinkage(now.translation, records.translation)
+            trends = Trends.between(now, later, np.ones(count))
+            trends = replace(trends, translation=trends.translation * shrink[:, None, None])
+        if self.policy.keeping != "temporal":
+            life = np.full(count, FOREVER if self.policy.keeping == "static" else 1)
+            return Timed.of(records, trends, sites, place, frame, life, strikes, rest)
+        assert self.least is not None
+        life = lifespan(irradiance_rate(now.irradiance, later.irradiance, self.least), self.policy.a_t, self.policy.longest)
+        life = np.where(foreseen, life, 1)
+        strikes = np.where(foreseen, np.where(life > 1, 0, np.minimum(strikes + 1, MOST_STRIKES)), strikes)
+        rest = np.where(foreseen, np.where(strikes > 0, 2**strikes - 1, 0), np.maximum(rest - 1, 0))
+        return Timed.of(records, trends, sites, place, frame, life, strikes, rest if self.policy.guard else 0 * rest)
+
+    def _rests_everywhere(self) -> bool:
+        """Whether most places are computed without foresight at present."""
+        return self.policy.guard and len(self.live) > 0 and float(np.mean(self.live.strikes > 0)) > 0.5
+
+
+def cover(live: Timed, stage: Stage, views: Sequence[View]) -> Timed:
+    """Count the pixels that records in their last frame reach."""
+    ending = np.flatnonzero(live.last == stage.frame)
+    if not len(ending):
+        return live
+    covered = live.covered.copy()
+    records, placement = live.records.rows(ending), stage.placement
+    covered[ending] = sum(coverage(view.canvas, records, placement.a, placement.weight) for view in views)
+    return replace(live, covered=covered)
+
+
+def _by_place(timed: Timed) -> Timed:
+    order = np.argsort(timed.place, kind="stable")
+    return timed.rows(order)
+
+
+def _shrinkage(before: Float, after: Float) -> F64:
+    """How much limits shortened translation gradients (K, 3, 3): (K,), at most 1."""
+    old, new = (np.linalg.norm(a.reshape(len(a), -1), axis=1) for a in (before, after))
+    return np.asarray(np.where(old > 0, new / np.where(old > 0, old, 1), 1.0))

@@ -1,0 +1,37 @@
+"""How many pixels a record contributes to: what decides whether it is renewed. Twin of an occlusion query around its splat."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.transport.caching.records import Records
+from renderers.transport.caching.splat import Canvas
+from renderers.transport.caching.splat_kernels import misses, weight_at
+from renderers.transport.caching.weights import WEIGHTS, Weight, checked_accuracy
+
+
+def coverage(canvas: Canvas, records: Records, a: float, weight: Weight = "ward") -> NDArray[np.int64]:
+    """Pixels inside the zone of each record at accuracy a, (K,)."""
+    counts = np.zeros(len(records), np.int64)
+    columns, accuracy = records.columns(canvas.dtype), canvas.dtype.type(checked_accuracy(a))
+    _count(canvas.position, canvas.normal, canvas.tiles, columns, accuracy, WEIGHTS[weight], counts)
+    return counts
+
+
+@numba.njit(parallel=True, cache=True)
+def _count(points, normals, tiles, records, a, kind, counts):  # type: ignore[no-untyped-def]
+    for k in numba.prange(len(records.position)):
+        position, normal, radius = records.position[k], records.normal[k], records.radius[k]
+        found = 0
+        for b in range(len(tiles.first) - 1):
+            if misses(tiles.block_bounds[b], position, normal, radius, a):
+                continue
+            for t in range(tiles.first[b], tiles.first[b + 1]):
+                if misses(tiles.tile_bounds[t], position, normal, radius, a):
+                    continue
+                for i in tiles.pixel[t]:
+                    if i >= 0 and weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
+                        found += 1
+        counts[k] = found
