@@ -32,6 +32,8 @@ TILE = 8
 FOUND, SORTED, VERTEX = 9, 4, 8
 # events a ray and map that room is made for: scenes have .3 to 1.2, more is found in smaller tiles
 DENSITY = 1.5
+# those that a slab which keeps its events is made for: with more it is done again in halves
+KEPT = 0.75
 # texels of a step of the walks beyond a ray's own, and of rounding
 MARGIN = 2
 PART = 16
@@ -70,7 +72,7 @@ def plan_of(pyramid: Pyramid, cameras: F64, shape: tuple[int, int], memory: int,
     for slabs in _divisions(pyramid.height, min(pyramid.height, tile)):
         if (size := drawn(slabs, count)) <= left:
             return Plan(slabs, count, part, tile, events, 0, working + size)
-    slabs = _slabs(pyramid.height, max(int(left / 2 // (FOUND * row)), 1))
+    slabs = _slabs(pyramid.height, max(int(left / 2 // (FOUND * row / DENSITY * KEPT)), 1))
     batch = _largest(lambda n: drawn(slabs, n) <= left - left // 2, count)
     return Plan(slabs, batch, part, tile, events, left // 2, working + left // 2 + drawn(slabs, batch))
 
