@@ -10,6 +10,7 @@ from penumbra_scene import (
     box,
     capsule,
     constructed,
+    events_of_rays,
     floor_points,
     hidden_share,
     light_points,
@@ -146,14 +147,12 @@ def test_a13_bias_bound(filter: str, walk: str, k: float, l: float) -> None:  # 
 
 def test_a14_steps_per_ray() -> None:
     """A14: mean number of texels follows 1 + Σ (1/n - 1/f)(|s_x|/Δu + |s_y|/Δv)/N (exact), the larger term alone (midpoint)."""
-    from renderers.transport.penumbra.walk import bounds_of, row_events
-
     points = light_points(16)
     made, cameras, maps = constructed(ALL, points, 32, 128, PLAIN)
     p = made.pyramid
     reach = (1 / p.near - 1 / p.far) * np.abs(points[:, :2]) / cameras[:, [13, 15]]
     for exact, expected in ((True, 1 + reach.sum(1).mean()), (False, 1 + reach.max(1).mean())):
-        walked = sum(row_events(maps, *bounds_of(maps), cameras, p.us, v, p.near, p.far, BIAS, exact)[3] for v in p.vs)
+        _, _, walked = events_of_rays(maps, cameras, p.us, p.vs, p.near, p.far, BIAS, exact)
         assert walked / (len(points) * p.width * p.height) == pytest.approx(expected, rel=0.02)
 
 
