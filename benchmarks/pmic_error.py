@@ -30,7 +30,9 @@ from numpy.typing import NDArray
 import renderers
 from jobs.claims.radiance_system import RadianceScene
 from renderers.frame import Frame
+from renderers.gbuffer import GBuffer
 from renderers.methods.pmic import PhotonMappedIrradianceCaching
+from renderers.transport.primary import cast_gbuffer
 
 Image = NDArray[np.float64]
 SIZE, SEED, HALF, WIDE = (160, 120), 1, 1024, (1280, 720)
@@ -52,27 +54,41 @@ RADIANCE_PHOTONS, RADIANCE_OPTIONS = (12_500, 50_000, 200_000), "-ad 512 -aa 0.2
 
 
 class Truth(NamedTuple):
-    """Direct light, indirect light, and the noise variance (mean over pixels and channels) of the latter."""
+    """Direct light, indirect light and its noise variance (H, W, 3); inside (H, W): pixels whose neighbours share their plane."""
 
     direct: Image
     indirect: Image
-    variance: float
+    variance: Image
+    inside: NDArray[np.bool_]
 
     @staticmethod
     def of(scene: renderers.Scene) -> Truth:
         """By path tracing."""
         direct = rendered(scene, "pt", transport="direct", spp=256).layers["beauty"].astype(np.float64)
         halves = [rendered(scene, "pt", seed=seed, spp=HALF).layers["beauty"] - direct for seed in (101, 102)]
-        return Truth(direct, (halves[0] + halves[1]) / 2, float(np.mean((halves[0] - halves[1]) ** 2)) / 4)
+        mean, apart = (halves[0] + halves[1]) / 2, halves[0] - halves[1]
+        return Truth(direct, mean, apart**2 / 4, inside(cast_gbuffer(scene.world(), SIZE)))
 
-    def error(self, indirect: NDArray[np.floating]) -> float:
-        """RMSE over the mean, less the truth's own noise."""
-        square = float(np.mean((indirect - self.indirect) ** 2)) - self.variance
+    def error(self, indirect: NDArray[np.floating], where: NDArray[np.bool_] | slice = slice(None)) -> float:
+        """RMSE over the mean of the whole image, less the truth's own noise, of the pixels `where`."""
+        square = float(np.mean(((indirect - self.indirect) ** 2 - self.variance)[where]))
         return float(np.sqrt(max(square, 0.0)) / self.indirect.mean())
 
     def error_of(self, frame: Frame) -> float:
         """Error of a frame's indirect light."""
         return self.error(frame.layers["indirect"] if "indirect" in frame.layers else frame.layers["beauty"] - self.direct)
+
+
+def inside(gbuffer: GBuffer) -> NDArray[np.bool_]:
+    """Pixels whose eight neighbours lie on the plane that they see, bool (H, W)."""
+    position, normal = gbuffer.position, gbuffer.normal
+    same = gbuffer.covered.copy()
+    for shift in np.ndindex(3, 3):
+        by = (shift[0] - 1, shift[1] - 1)
+        step = np.roll(position, by, (0, 1)) - position
+        same &= np.einsum("hwc,hwc->hw", np.roll(normal, by, (0, 1)), normal) > 0.95
+        same &= np.abs(np.einsum("hwc,hwc->hw", step, normal)) < 1e-3
+    return same
 
 
 def rendered(scene: renderers.Scene, kind: str, seed: int = SEED, size: tuple[int, int] = SIZE, **values: Any) -> Frame:
@@ -92,15 +108,15 @@ def text(values: dict[str, Any]) -> str:
 
 
 def errors(truths: dict[str, Truth]) -> Iterator[tuple[Any, ...]]:
-    """(scene, method, settings, records, error, error of `photon-map` at 400,000 photons over it)."""
+    """(scene, method, settings, records, error, that of the first case over it; both of pixels inside surfaces only)."""
     for name in ERROR_SCENES:
-        scene, shown = renderers.load_scene(name), 0.0
+        scene, first = renderers.load_scene(name), np.zeros(0)
         truth = truths.setdefault(name, Truth.of(scene))
         for kind, values in CASES:
             frame = rendered(scene, kind, **values)
-            found = truth.error_of(frame)
-            shown = shown or found
-            yield name, kind, text(values), frame.counters.get("records", 0), round(found, 4), round(shown / found, 2)
+            found = np.array([truth.error(frame.layers["indirect"], where) for where in (slice(None), truth.inside)])
+            first = first if len(first) else found
+            yield name, kind, text(values), frame.counters.get("records", 0), *np.stack([found, first / found], 1).ravel().round(4)
 
 
 def equal_time(truths: dict[str, Truth]) -> Iterator[tuple[Any, ...]]:
@@ -149,7 +165,7 @@ def walkthrough(truths: dict[str, Truth]) -> Iterator[tuple[Any, ...]]:
 
 
 PARTS = {
-    "errors": (errors, "pmic_errors", ("scene", "method", "settings", "records", "error", "ratio")),
+    "errors": (errors, "pmic_errors", ("scene", "method", "settings", "records", "error", "ratio", "error_inside", "ratio_inside")),
     "split": (split, "pmic_split", ("scene", "interpolation", "density", "photons")),
     "equal-time": (equal_time, "pmic_equal_time", ("scene", "curve", "settings", "cpu_s", "error")),
     "walkthrough": (walkthrough, "pmic_walkthrough", ("scene", "error", "frame_cpu_s", "pt_spp", "pt_cpu_s", "ratio")),
