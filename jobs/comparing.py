@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,35 +10,66 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.images import read_exr
+from reports.metrics import Pair
 
 Metrics = dict[str, float | None]
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceImage:
-    """A reference as it lies in the folder: float32 mean and variance (H, W, 3), luminance_variance (H, W), replicates."""
+    """A reference as it lies in the folder: float32 mean and variance (H, W, 3), luminance_variance (H, W), replicates.
+
+    revealed: bool (H, W), None in a scene without animation.
+    """
 
     mean: NDArray[np.float32]
     variance: NDArray[np.float32]
     luminance_variance: NDArray[np.float32]
     n: int
+    revealed: NDArray[np.bool_] | None = None
 
     @classmethod
     def read(cls, path: Path) -> ReferenceImage:
         """Read `references/<id>.exr`."""
         layers, attributes = read_exr(path)
-        return cls(layers["mean"], layers["variance"], layers["luminance_variance"], int(attributes["n"]))
+        revealed = layers["revealed"] > 0 if "revealed" in layers else None
+        return cls(layers["mean"], layers["variance"], layers["luminance_variance"], int(attributes["n"]), revealed)
+
+    def pair(self, test: NDArray[np.float32], exposure: float) -> Pair:
+        """A test image beside this reference and what is known of it."""
+        return Pair(test, self.mean, exposure, self.luminance_variance, self.n, self.revealed)
 
 
 def against(test: NDArray[np.float32], reference: ReferenceImage, exposure: float) -> Metrics:
     """Every metric of one image against one reference."""
     import reports
 
-    return dict(reports.compare(test, reference.mean, exposure, reference.luminance_variance, reference.n))
+    return dict(reports.measure(reference.pair(test, exposure)))
 
 
-def noise_floor(reference: ReferenceImage, exposure: float) -> Metrics:
-    """Metrics that the reference's own noise alone produces."""
-    import reports
+class Comparison:
+    """The frames of one render against their references, one after the other: consecutive ones also show what changes."""
 
-    return dict(reports.noise_floor(reference.mean, reference.variance, exposure))
+    def __init__(self, exposure: float) -> None:
+        self.exposure = exposure
+        self._before: dict[tuple[str, int], tuple[ReferenceImage, Pair]] = {}
+
+    def frame(
+        self, number: int, test: NDArray[np.float32], references: Mapping[str, ReferenceImage]
+    ) -> tuple[dict[str, Metrics], dict[str, Metrics]]:
+        """Metrics, and those that the references' noise alone produces, by the references' roles; none without references."""
+        import reports
+
+        metrics, floors, kept = dict[str, Metrics](), dict[str, Metrics](), dict[tuple[str, int], tuple[ReferenceImage, Pair]]()
+        for role, reference in references.items():
+            pair = reference.pair(test, self.exposure)
+            metrics[role] = dict(reports.measure(pair))
+            floors[role] = dict(reports.noise_floor(reference.mean, reference.variance, self.exposure))
+            if (role, number - 1) in self._before:
+                earlier, before = self._before[role, number - 1]
+                noises = [(each.mean, each.variance) for each in (earlier, reference)]
+                metrics[role] |= reports.measure_change(before, pair)
+                floors[role] |= reports.flicker_floor(noises[0], noises[1], self.exposure)
+            kept[role, number] = reference, pair
+        self._before = kept
+        return metrics, floors

@@ -53,8 +53,9 @@ def joined(image: F32, gbuffer: GBuffer, side: int) -> F32:
     Weights: a tent, in which all sub-images have equal shares; (n·n')^32; exp(-(n·(x'-x) / 0.01)²), in sizes of the World.
     """
     out = np.empty_like(image)
-    rows = (np.ascontiguousarray(np.moveaxis(a, 2, 1), np.float32) for a in (gbuffer.position / PLANE, gbuffer.normal, image))
-    _filter(*rows, gbuffer.covered.astype(np.float32), side, out)
+    columns = gbuffer.position / PLANE, gbuffer.normal, image
+    position, normal, radiance = (np.ascontiguousarray(np.moveaxis(a, 2, 1), np.float32) for a in columns)
+    _filter(position, normal, radiance, gbuffer.covered.astype(np.float32), side, out)
     return out
 
 

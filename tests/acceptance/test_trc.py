@@ -150,7 +150,7 @@ def test_a23_a24_longer_lives_need_fewer_records(quantity: str) -> None:
     values = (1, 2, 5, 10) if quantity == "delta_max" else (0.001, 0.01, 0.2)
     totals = [sum(f.counters["records"] for f in frames_of(slow_cube(), 12, **{quantity: v}, stagger=False)) for v in values]
     assert all(a >= b for a, b in pairwise(totals)), totals
-    assert totals[0] > 2 * totals[-1]
+    assert totals[0] > 1.5 * totals[-1]
 
 
 def test_a29_no_pixel_is_left_without_a_record() -> None:

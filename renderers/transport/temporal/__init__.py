@@ -4,12 +4,14 @@
 | --- | --- |
 | `lifespan` | change rates of irradiance and of radiance coefficients, lifespans |
 | `motion` | what differs between the Worlds of two frames |
+| `anchors` | which surface a place lies on, and where it goes |
 | `sampling` | hemispheres whose hits are kept, at places numbered once for all |
 | `prediction` | the same hemispheres one frame ahead: cast anew where something moved, or by reprojection |
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
 | `plane` | the square sampling plane of the publication: weights, moments, reprojection; oracle of the GL passes |
 | `records` | records in time: temporal gradients, values at a frame |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
+| `overlay` | where records lie and how long they live, as a picture |
 | `accumulation` | temporal accumulation of noisy images: the pixel's past followed back |
 
 Time is counted in frames. Source: P. Gautron, *Cache de luminance et cartes graphiques*, doctoral thesis, Université de Rennes 1,

@@ -1,7 +1,8 @@
 """The live records of an animation, from frame to frame.
 
-1  A record whose life is over is deleted where it reached no pixel in its last frame, else computed anew at exactly its place,
-   whatever lies there now: places are constants of the world, so the pattern of interpolation errors stands still.
+1  A record whose life is over is computed anew at exactly its place: places are constants of the world, so the pattern of
+   interpolation errors stands still. It is deleted where it reached no pixel in its last frame, and (not in the publication)
+   where no surface lies any more, as behind or within an object that moved.
 2  All valid records are splatted; pixels that none reaches get new ones, as in `caching.placement`.
 3  Every record computed gets a lifespan from its change rate to the next frame (`lifespan`).             Gautron 2006, section 5.4
 
@@ -27,6 +28,7 @@ from renderers.transport.caching.limits import limited
 from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.records import Float, Records, Sites
 from renderers.transport.caching.splat import Canvas
+from renderers.transport.temporal.anchors import anchors
 from renderers.transport.temporal.coverage import coverage
 from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
 from renderers.transport.temporal.records import Timed, Trends
@@ -128,12 +130,12 @@ class TemporalCache:
         counters["records_alive"] += len(self.live)
         return renewed
 
-    def renew(self, stage: Stage, counters: Counter[str], born_until: int = FOREVER) -> Timed:
-        """Delete or compute anew all records whose life is over. Returns the new ones; those born later aren't renewed."""
+    def renew(self, stage: Stage, counters: Counter[str]) -> Timed:
+        """Delete or compute anew all records whose life is over. Returns the new ones."""
         over = self.live.last < stage.frame
-        wanted = over & (self.live.covered > 0) & (self.live.born <= born_until)
-        old = self.live.rows(wanted)
-        counters["records_deleted"] += int(np.count_nonzero(over & (self.live.covered == 0)))
+        old = self.live.rows(over & (self.live.covered > 0))
+        old = old.rows(anchors(stage.sampler.world, old.sites).held)
+        counters["records_deleted"] += int(np.count_nonzero(over)) - len(old)
         counters["records_renewed"] += len(old)
         same = (old.born >= stage.changed) & stage.still
         counters["records_kept"] += int(same.sum())

@@ -3,7 +3,8 @@
 raycast    the hemisphere of the next frame itself. Rays are cast anew only where they may end elsewhere: those that hit something
            that moves, and those that touch the bounding box of something that moved. What they hit is shaded anew only where its
            light may have changed: by a light, or by what moves across the way to a light. The rest is that of the present frame, so
-           the price follows what moves, not the scene.
+           the price follows what moves, not the scene. A hemisphere on a surface that moves goes with it: at its old place there
+           will be the inside of an object, or nothing.
 reproject  hits move with their objects and are drawn into the same hemisphere (Gautron 2006, 5.4.2): only shadow rays
            are cast.
 """
@@ -19,6 +20,7 @@ from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import Grid
 from renderers.transport.caching.incoming import Incoming, Seen, seen_along
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
+from renderers.transport.temporal.anchors import Anchors, anchors, carried
 from renderers.transport.temporal.motion import Motion, crossing
 from renderers.transport.temporal.reprojection import Moved, reprojected
 from renderers.transport.temporal.sampling import Cast, TemporalSampler
@@ -46,25 +48,44 @@ class RayCast:
         """See `sampling.Ahead`."""
         columns: Any = (column.copy() for column in cast.hits)
         hits = Hits(*columns)
-        anew = np.flatnonzero(self._uncertain(cast))
+        origins, directions, uncertain = self._rays(cast)
+        self._doubt(cast, uncertain)
+        anew = np.flatnonzero(uncertain)
         if len(anew):
-            found = self._caster.first_hit(cast.origins[anew], cast.directions[anew])
+            found = self._caster.first_hit(origins[anew], directions[anew])
             for column, value in zip(hits, found, strict=True):
                 column[anew] = value
         changed = np.zeros(len(hits.t), bool)
         changed[anew] = True
-        shaded = shaded_later(self._motion, self._incoming, self._sampler, cast, hits, cast.directions, changed)
+        shaded = shaded_later(self._motion, self._incoming, self._sampler, cast, hits, directions, changed)
         return shaded.radiance, shaded.nearness, len(anew) + shaded.rays
 
-    def _uncertain(self, cast: Cast) -> Mask:
-        """Rays that may hit something else, or elsewhere."""
+    def _rays(self, cast: Cast) -> tuple[F32, F32, Mask]:
+        """Origins and directions (R, 3) one frame later, and which rays differ, (R,)."""
+        motion, rays = self._motion, np.zeros(len(cast.hits.t), bool)
+        if not motion.same_topology or not motion.moved.any():
+            return cast.origins, cast.directions, rays
+        found = anchors(motion.before, cast.sites)
+        index = np.flatnonzero(found.held & motion.moved[found.triangle])
+        if not len(index):
+            return cast.origins, cast.directions, rays
+        rotation, shift = carried(motion.before, motion.after, Anchors(found.triangle[index], found.u[index], found.v[index]))
+        by_place = len(cast.tangents), -1, 3
+        origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
+        place = cast.sites.position[index][:, None]
+        origins[index] = np.einsum("kij,krj->kri", rotation, origins[index] - place) + place + shift[:, None]
+        directions[index] = np.einsum("kij,krj->kri", rotation, directions[index])
+        rays.reshape(len(cast.tangents), -1)[index] = True
+        return origins.reshape(-1, 3), directions.reshape(-1, 3), rays
+
+    def _doubt(self, cast: Cast, uncertain: Mask) -> None:
+        """uncertain (R,) |= whether a ray may hit something else, or elsewhere."""
         if not self._motion.same_topology:
-            return np.ones(len(cast.hits.t), bool)
+            uncertain[:] = True
+            return
         hit = cast.hits.triangle >= 0
-        uncertain = np.zeros(len(hit), bool)
-        uncertain[hit] = self._motion.moved[cast.hits.triangle[hit]]
+        uncertain[hit] |= self._motion.moved[cast.hits.triangle[hit]]
         crossing(cast.origins, cast.directions, np.where(hit, cast.hits.t, FAR), self._motion.boxes, uncertain)
-        return uncertain
 
 
 class Reprojection:

@@ -1,0 +1,64 @@
+"""What surface a place lies on, and where that surface goes.
+
+Places are constants of the world; surfaces aren't. A record whose surface has gone would be renewed inside an object or in mid-air,
+where its light is none of any pixel's.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.scene.world import World
+from renderers.transport.caching.records import Sites
+from renderers.transport.raycast import OFFSET, caster_of
+from renderers.transport.surface import turned
+
+F64 = NDArray[np.float64]
+REACH = 2 * OFFSET
+BURIED = OFFSET / 2  # rays leave from OFFSET above a place: from outside, if the surface lies no higher than this
+PARALLEL = 0.95
+
+
+class Anchors(NamedTuple):
+    """Of N places. triangle int32 (N,): the one each lies on, -1 in mid-air; u, v float64 (N,): barycentrics there."""
+
+    triangle: NDArray[np.int32]
+    u: F64
+    v: F64
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Places with a surface, (N,)."""
+        return self.triangle >= 0
+
+
+def anchors(world: World, sites: Sites) -> Anchors:
+    """The surface that each place lies on: parallel to it, at most REACH below it and at most BURIED above."""
+    up = turned(sites.geometric, sites.normal)
+    hits = caster_of(world).first_hit(sites.position + REACH * up, -up)
+    on = (hits.triangle >= 0) & (hits.t <= 2 * REACH) & (hits.t >= REACH - BURIED)
+    on[on] = np.abs(np.einsum("ij,ij->i", world.normals_of(hits.triangle[on]), up[on])) >= PARALLEL
+    return Anchors(np.where(on, hits.triangle, -1).astype(np.int32), hits.u.astype(np.float64), hits.v.astype(np.float64))
+
+
+def carried(before: World, after: World, found: Anchors) -> tuple[F64, F64]:
+    """How anchored places (all held) move with their triangles: rotation (N, 3, 3) and shift (N, 3) of the place itself."""
+    old, new = _corners(before, found.triangle), _corners(after, found.triangle)
+    weights = np.stack([1 - found.u - found.v, found.u, found.v], axis=1)
+    shift = np.einsum("nk,nkc->nc", weights, new - old)
+    return np.einsum("nij,nkj->nik", _axes(new), _axes(old)), shift
+
+
+def _corners(world: World, triangle: NDArray[np.int32]) -> F64:
+    return np.asarray(world.positions[world.triangles[triangle]], np.float64)
+
+
+def _axes(corners: F64) -> F64:
+    """Orthonormal axes of triangles (N, 3, 3), in columns."""
+    edge = corners[:, 1] - corners[:, 0]
+    normal = np.cross(edge, corners[:, 2] - corners[:, 0])
+    first, last = (a / np.linalg.norm(a, axis=1, keepdims=True) for a in (edge, normal))
+    return np.stack([first, np.cross(last, first), last], axis=2)
