@@ -31,7 +31,7 @@ from renderers.scene.world import World
 from renderers.transport.direct import Receivers, direct, receivers_of
 from renderers.transport.penumbra.assemble import Construction, recompressed
 from renderers.transport.penumbra.build import LightShadows, Slope, build
-from renderers.transport.penumbra.emitters import Emitter, emitters_of
+from renderers.transport.penumbra.emitters import Emitter, Pattern, emitters_of
 from renderers.transport.penumbra.filtered import FilteredMaps, averaged
 from renderers.transport.penumbra.shading import before_plane, cast_before, count_behind, shaded, shining
 from renderers.transport.primary import cast_gbuffer
@@ -40,6 +40,7 @@ SCENES = ("leaves", "armadillo", "spot", "cornell-box:light=area", "rectangle-li
 SIZE = (96, 72)
 BIAS = 2.5e-4
 TRUTH_POINTS = 1024
+PATTERN: Pattern = "hammersley"
 # of the light without shadows; both decide which pixels it reaches
 LIGHT_SAMPLES, SEED = 256, 1
 F64 = NDArray[np.float64]
@@ -119,7 +120,7 @@ def ssim(case: Case, truth: F64, v: F64) -> float:
 
 def causes(case: Case, name: str, samples: int, resolution: int) -> LightShadows:
     """Print the chain of approximations at one setting; returns the uncompressed structure."""
-    points = case.lamp.points(samples, 0)
+    points = case.lamp.points(samples, 0, pattern=PATTERN)
     rays = with_behind(cast_before(case.world, case.lamp, points, case.at, Counter()), case.at, points)
     print(f"| {name} | rays, N {samples} | {figures(case, points, rays)} |")
     maps = FilteredMaps(case.world, case.lamp, points, points, resolution, 1.0, Counter())
@@ -137,7 +138,7 @@ def causes(case: Case, name: str, samples: int, resolution: int) -> LightShadows
 def built(case: Case, samples: int, resolution: int) -> LightShadows:
     """The uncompressed structure."""
     how = Construction(bias=BIAS, compression="none")
-    points = case.lamp.points(samples, 0)
+    points = case.lamp.points(samples, 0, pattern=PATTERN)
     return build(case.world, case.lamp, points, resolution=resolution, map_resolution=resolution, how=how, slope=Slope())
 
 
@@ -152,7 +153,7 @@ def grid(
 ) -> None:
     """Print error over samples, resolution and tolerance."""
     for n, r in [(n, r) for n in samples for r in resolutions]:
-        points = case.lamp.points(n, 0)
+        points = case.lamp.points(n, 0, pattern=PATTERN)
         made = known.get((n, r)) or built(case, n, r)
         cells = []
         for epsilon in (0.0, 0.02, 0.05):
@@ -172,7 +173,7 @@ def against_mitsuba(case: Case, name: str, made: LightShadows) -> None:
     truth = reference.render(case.scene, "direct", size=SIZE, noise=0.004, max_seconds=20)
     exposure = reference.exposure(truth)
     lamps = emitters_of(case.world)
-    points = case.lamp.points(256, 0)
+    points = case.lamp.points(256, 0, pattern=PATTERN)
     found = covered(case, points, made.hidden(case.at.position))
     ours = before_plane(case.world, case.lamp, points, case.at, found, "rays", Counter())
     for label, values in (("true V", case.truth), ("pdsm", ours)):
@@ -189,11 +190,11 @@ def against_mitsuba(case: Case, name: str, made: LightShadows) -> None:
 
 def asked(case: Case, name: str) -> LightShadows:
     """Print the error of what is asked of the method: 256 light points, 512², 2 %; returns the structure."""
-    points = case.lamp.points(256, 0)
+    points = case.lamp.points(256, 0, pattern=PATTERN)
     small = compressed(built(case, 256, 512), 0.02)
     found = covered(case, points, small.hidden(case.at.position))
     for horizon in ("share", "rays"):
-        row = figures(case, points, found, horizon)  # type: ignore[arg-type]
+        row = figures(case, points, found, horizon)
         print(f"| {name} | N 256, 512², 2 %, {horizon} | {row} |", flush=True)
     return small
 

@@ -8,13 +8,15 @@ light is followed through every map, its visibility changes are sorted and summe
 within epsilon. Rendering (algorithm 4.1): look V up at each pixel's surface point, bilinearly between four rays. Passes: warm-up,
 maps (build), gbuffer, direct.
 
-Extensions: exact texel traversal (walk = midpoint is the published one), in lockstep where the light is flat; up to six pyramids
-around a light instead of one; the bias that each texel's own plane needs, at most half way to the next surface; light from behind
-the receiver's plane counts once, by rays where V alone can't tell; points near the light that no pyramid covers are ray cast.
+Extensions: light points of a Hammersley set (pattern = stratified are the published ones); exact texel traversal (walk = midpoint
+is the published one), in lockstep where the light is flat; up to six pyramids around a light instead of one; the bias that each
+texel's own plane needs, at most half way to the next surface; light from behind the receiver's plane counts once, by rays where V
+alone can't tell; points near the light that no pyramid covers are ray cast.
 
 | setting        | default  | unit | range                            | meaning                                                    |
 | -------------- | -------- | ---- | -------------------------------- | ---------------------------------------------------------- |
 | samples        | 64       | 1    | 1 … 4096                         | N, points on each light, one shadow map each               |
+| pattern        | hammers… |      | hammersley, stratified           | light points of rectangles and discs                       |
 | resolution     | 256      | px   | 8 … 4096                         | pixels of a pyramid across 90°                             |
 | map_resolution | 256      | px   | 8 … 4096                         | texels across a shadow map                                 |
 | walk           | exact    |      | exact, midpoint                  | rays through shadow maps: every texel, or as published     |
