@@ -69,7 +69,8 @@ class RayCast:
         index = np.flatnonzero(found.held & motion.moved[found.triangle])
         if not len(index):
             return cast.origins, cast.directions, rays
-        rotation, shift = carried(motion.before, motion.after, Anchors(*(column[index] for column in found)))
+        moving = Anchors(found.triangle[index], found.u[index], found.v[index])
+        rotation, shift = carried(motion.before, motion.after, moving)
         by_place = len(cast.tangents), -1, 3
         origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
         place = cast.sites.position[index][:, None]
