@@ -86,7 +86,9 @@ class RayCast:
             return
         hit = cast.hits.triangle >= 0
         uncertain[hit] |= self._motion.moved[cast.hits.triangle[hit]]
-        crossing(cast.origins, cast.directions, np.where(hit, cast.hits.t, FAR), self._motion.boxes, uncertain)
+        # what moved away from before a ray's hit would have been the hit
+        came = np.ascontiguousarray(self._motion.boxes[1::2])
+        crossing(cast.origins, cast.directions, np.where(hit, cast.hits.t, FAR), came, uncertain)
 
 
 class Reprojection:
