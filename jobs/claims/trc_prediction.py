@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +16,18 @@ from jobs.claims.registry import register
 if TYPE_CHECKING:
     from renderers.scene.model import Scene
 
+F64 = NDArray[np.float64]
 SCENES = ("cube-in-a-box", "moving-light", "bouncing-spheres")
 FRAMES, PLACES, RAYS = 8, 48, 4096
 SIZE = (64, 48)
 PUBLISHED = {"without": (0.0, 0.32, 0.037, 0.024), "with": (0.0, 0.30, 0.029, 0.016)}
-STATISTICS = {"min": np.min, "max": np.max, "mean": np.mean, "median": np.median}
+STATISTICS: dict[str, Callable[[F64], np.floating[Any]]] = {"min": np.min, "max": np.max, "mean": np.mean, "median": np.median}
 WAYS = {
     "without": "light taken as constant",
     "with": "reprojection, footprints of 4×4 points",
     "points": "reprojection, single points",
     "raycast": "recasting",
 }
-F64 = NDArray[np.float64]
 
 
 def measure(bench: Bench) -> Measurement:
@@ -36,8 +37,8 @@ def measure(bench: Bench) -> Measurement:
         scene = bench.open(name).scene
         for number, frame in enumerate(np.linspace(3, 190, FRAMES).astype(int)):
             bench.report(f"{name}: frame {frame}")
-            for way, errors in errors_at(scene, int(frame), number).items():
-                found[way].append(errors)
+            for way, part in errors_at(scene, int(frame), number).items():
+                found[way].append(part)
     errors = {way: np.concatenate(parts) for way, parts in found.items()}
     rows = []
     for way, words in WAYS.items():

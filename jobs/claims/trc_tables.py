@@ -65,8 +65,8 @@ def run_of(bench: Bench, scene: Scene, frames: int, **values: Any) -> Run:
     bench.report(f"{scene.name}: trc, {frames} frames, {values}")
     done = list(method.render_frames(replace(scene), settings, size=SIZE, frames=(0, frames - 1)))
     seconds = sum(t.cpu_s for f in done for t in f.timings if t.stage == "render")
-    counted = (np.array([f.counters[name] for f in done]) for name in ("records", "records_alive"))
-    return Run(np.array([f.layers["indirect"] for f in done], np.float64), *counted, seconds)
+    records, alive = (np.array([f.counters[name] for f in done]) for name in ("records", "records_alive"))
+    return Run(np.array([f.layers["indirect"] for f in done], np.float64), records, alive, seconds)
 
 
 def exact(bench: Bench, scene: Scene, frames: Sequence[int]) -> F64:
@@ -121,11 +121,10 @@ def with_prop(scene: Scene) -> Scene:
 
     centre, radius = rest_bounds(scene)
     half = radius / 40
-    shape = box((-half, -half, -half), (half, half, half))
-    mesh = Mesh("prop", shape.positions, shape.normals, shape.triangles, 0)
+    mesh = Mesh("prop", *box((-half, -half, -half), (half, half, half)), 0)
     times = np.array([0.0, 200 / scene.fps])
     path = np.outer([-radius / 4, radius / 4], [1, 0, 0]) + centre
-    node = Node(name="prop", meshes=(len(scene.meshes),), translation=tuple(float(x) for x in path[0]))
+    node = Node(name="prop", meshes=(len(scene.meshes),), translation=(path[0, 0], path[0, 1], path[0, 2]))
     channel = Channel("node", len(scene.nodes), "translation", times, path)
     return replace(
         scene, name="interior", meshes=(*scene.meshes, mesh), nodes=(*scene.nodes, node), channels=(*scene.channels, channel)

@@ -83,8 +83,9 @@ class Plane:
     @cached_property
     def turns(self) -> F64:
         """c, (M, M, 2)."""
-        out = np.stack([self._means(lambda x, y, s=sign, k=k: s * (y, x)[k] * self.step**2 / (1 + x**2 + y**2) ** 2)
-                        for k, sign in enumerate((-1, 1))], axis=-1)  # fmt: skip
+        u = self._means(lambda x, y: -y * self.step**2 / (1 + x**2 + y**2) ** 2)
+        v = self._means(lambda x, y: x * self.step**2 / (1 + x**2 + y**2) ** 2)
+        out = np.stack([u, v], axis=-1)
         along = self._points(PARTS)
         theta = np.arctan(np.hypot(along, self.half))
         swept = (np.pi / 2 - theta) / 2 + np.sin(2 * theta) / 4
