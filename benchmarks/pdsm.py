@@ -1,8 +1,8 @@
 """Penumbra deep shadow maps: construction, memory, lookups, and error at equal time.
 
 Run on an idle machine from the repository root: `LUXMETER_SCENES=folder python benchmarks/pdsm.py [PART …]`; parts are build, size,
-memory, lookup, equal-time. Construction and lookups are of a scanned model under a square light (a procedural knot without the
-folder), on a ground that receives only. Prints medians or single runs.
+memory, threads, lookup, equal-time. Construction and lookups are of a scanned model under a square light (a procedural knot without
+the folder), on a ground that receives only. Prints medians or single runs.
 """
 
 from __future__ import annotations
@@ -79,6 +79,22 @@ def memory(stage: Stage) -> None:
         print(f"{tally['shadow_maps']} maps drawn, {cpu:.1f} s CPU", flush=True)
 
 
+def threads(stage: Stage) -> None:
+    """Construction on one and on two threads (A28: at least 1.5 times as fast on two idle cores)."""
+    import numba
+
+    most, walls = numba.get_num_threads(), {}
+    stage.build(4, 64, 64)
+    try:
+        for count in (1, min(2, most)):
+            numba.set_num_threads(count)
+            wall, cpu = measured(lambda: stage.build(64, 512, 512), 3)
+            walls[count] = wall
+            print(f"{count} threads: {wall:.2f} s wall {cpu:.2f} s CPU, {walls[1] / wall:.2f} times as fast as one", flush=True)
+    finally:
+        numba.set_num_threads(most)
+
+
 def lookups(stage: Stage) -> None:
     """A picture of 1280×720 from functions, and from shadow rays to the same 256 light points (every 16th pixel, scaled)."""
     made = LightShadows(stage.lamp, (stage.build(256, 512, 512),))
@@ -130,6 +146,7 @@ def main() -> None:
     print(stage.name)
     parts: dict[str, Callable[[], None]] = {
         "build": lambda: construction(stage), "size": lambda: compression(stage), "memory": lambda: memory(stage),
+        "threads": lambda: threads(stage),
         "lookup": lambda: lookups(stage), "equal-time": lambda: equal_time("leaves"),
     }  # fmt: skip
     for name in sys.argv[1:] or parts:

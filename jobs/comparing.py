@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.images import read_exr
+from reports.comparison import Noise
 from reports.metrics import Pair
 
 Metrics = dict[str, float | None]
@@ -19,13 +20,14 @@ Metrics = dict[str, float | None]
 class ReferenceImage:
     """A reference as it lies in the folder: float32 mean and variance (H, W, 3), luminance_variance (H, W), replicates.
 
-    revealed: bool (H, W), None in a scene without animation.
+    noise_sample: float32 (H, W, 3), None where it isn't known; revealed: bool (H, W), None where nothing moves.
     """
 
     mean: NDArray[np.float32]
     variance: NDArray[np.float32]
     luminance_variance: NDArray[np.float32]
     n: int
+    noise_sample: NDArray[np.float32] | None = None
     revealed: NDArray[np.bool_] | None = None
 
     @classmethod
@@ -33,7 +35,13 @@ class ReferenceImage:
         """Read `references/<id>.exr`."""
         layers, attributes = read_exr(path)
         revealed = layers["revealed"] > 0 if "revealed" in layers else None
-        return cls(layers["mean"], layers["variance"], layers["luminance_variance"], int(attributes["n"]), revealed)
+        n, sample = int(attributes["n"]), layers.get("noise_sample")
+        return cls(layers["mean"], layers["variance"], layers["luminance_variance"], n, sample, revealed)
+
+    @property
+    def noise(self) -> Noise:
+        """What is known of its noise."""
+        return Noise(self.mean, self.variance, self.noise_sample)
 
     def pair(self, test: NDArray[np.float32], exposure: float) -> Pair:
         """A test image beside this reference and what is known of it."""
@@ -67,9 +75,8 @@ class Comparison:
             floors[role] = dict(reports.noise_floor(reference.mean, reference.variance, self.exposure))
             if (role, number - 1) in self._before:
                 earlier, before = self._before[role, number - 1]
-                noises = [(each.mean, each.variance) for each in (earlier, reference)]
                 metrics[role] |= reports.measure_change(before, pair)
-                floors[role] |= reports.flicker_floor(noises[0], noises[1], self.exposure)
+                floors[role] |= reports.flicker_floor(earlier.noise, reference.noise, self.exposure)
             kept[role, number] = reference, pair
         self._before = kept
         return metrics, floors

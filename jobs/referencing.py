@@ -69,6 +69,8 @@ def reference(task: ReferenceTask, progress: Callable[[dict[str, Any]], None]) -
     )  # fmt: skip
     digest = hashlib.sha256(ref.total.tobytes() + ref.squares.tobytes() + f"{ref.n},{ref.spp}".encode()).hexdigest()
     layers = {"mean": ref.image, "variance": ref.variance, "luminance_variance": ref.luminance_variance}
+    if ref.noise_sample is not None:
+        layers["noise_sample"] = ref.noise_sample
     hidden_before = revealed(scene, task.frame, task.size, task.begin) if task.pixel == "centre" else None
     if hidden_before is not None:
         layers["revealed"] = hidden_before.astype(np.float32)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reports.comparison import compare, flicker_floor, measure, measure_change, noise_floor
+from reports.comparison import Noise, compare, flicker_floor, measure, measure_change, noise_floor
 
-__all__ = ["compare", "flicker_floor", "measure", "measure_change", "noise_floor", "write"]
+__all__ = ["Noise", "compare", "flicker_floor", "measure", "measure_change", "noise_floor", "write"]
 
 
 def write(folder: Path) -> Path:

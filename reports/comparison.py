@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,21 +55,36 @@ def noise_floor(reference_image: Image, variance: Image, exposure: float = 1.0) 
     return measure(noisy(reference_image, variance, exposure))
 
 
-def flicker_floor(before: tuple[Image, Image], after: tuple[Image, Image], exposure: float = 1.0) -> Row:
-    """Metrics of sequences that the noise of two references, each (mean, variance) as in `noise_floor`, alone produces.
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """A reference's mean and the variance of it, both (H, W, 3), and a sample of its error where one is known."""
 
-    The draws of both frames are independent. References share their random numbers between frames, so where little moves their
-    noise moves together and cancels: this is what it produces at most. By the triangle inequality the flicker against noise-free
-    references lies within ± this of the measured one.
+    mean: Image
+    variance: Image
+    sample: Image | None = None
+
+
+def flicker_floor(before: Noise, after: Noise, exposure: float = 1.0) -> Row:
+    """Metrics of sequences that the noise of two references alone produces.
+
+    References take their random numbers in every frame anew from the start, so where little moves their noise stays and makes no
+    flicker: samples of their errors move together in the same way. Without samples, two independent draws of `noise_floor` give
+    what it is at most. By the triangle inequality the flicker against noise-free references lies within ± this of the measured
+    one.
     """
-    return measure_change(noisy(*before, exposure, 1), noisy(*after, exposure, 2))
+    if before.sample is None or after.sample is None:
+        return measure_change(*(noisy(each.mean, each.variance, exposure, k) for k, each in enumerate((before, after), start=1)))
+    return measure_change(_moved(before.mean, before.sample, exposure), _moved(after.mean, after.sample, exposure))
 
 
 def noisy(reference_image: Image, variance: Image, exposure: float, stream: int = 0) -> Pair:
     """The reference plus one seeded draw of its noise, against itself. Each stream is a draw of its own."""
     draw = np.random.default_rng(stream).standard_normal(reference_image.shape[:2])
-    moved = reference_image + draw[..., None] * np.sqrt(variance.astype(np.float64))
-    return Pair(np.maximum(moved, 0.0), reference_image, exposure)
+    return _moved(reference_image, draw[..., None] * np.sqrt(variance.astype(np.float64)), exposure)
+
+
+def _moved(reference_image: Image, by: Image, exposure: float) -> Pair:
+    return Pair(np.maximum(reference_image + by, 0.0), reference_image, exposure)
 
 
 def reference_too_noisy(row: Mapping[str, float | None], limit: float = TOO_NOISY) -> bool:

@@ -4,7 +4,7 @@ DIR/
   evaluation.json              Evaluation: request, scenes, cells, references (below)
   results/<cell id>.json       one Result a cell
   images/<cell id>.exr         layers of the Frame (direct.*, indirect.*, beauty.*)
-  references/<ref id>.exr      layers mean.*, variance.*, luminance_variance.Y, in sequences revealed.Y; attributes n, spp
+  references/<ref id>.exr      layers mean.*, variance.*, luminance_variance.Y, noise_sample.*, revealed.Y; n, spp
   index.html  assets/  results.csv  results.parquet      written by `reports.write`
 """
 

@@ -28,6 +28,9 @@ class SoftShadowSettings(Settings):
     """Settings of every such method."""
 
     samples: int = setting(64, "N, points on each light", source="St-Amour 2004 §3.1", ge=1, le=4096)
+    pattern: Literal["hammersley", "stratified"] = setting(
+        "hammersley", "light points of rectangles and discs: shifted Hammersley set, or one in each stratum as published"
+    )
     map_resolution: int = setting(256, "texels across a shadow map", unit="px", source="St-Amour 2004 §3.3", ge=8, le=4096)
     bias: float = setting(1e-3, "added to all stored depths, in scene radii", unit="r", source="St-Amour 2004 §3.1", ge=0, le=1)
     near: float = setting(1.0, "near plane's distance from the light, in half sizes of the light", ge=0.01, le=100)
@@ -75,7 +78,7 @@ class SoftShadows(Method):
             self.warm_up()
         with watch("maps", "prepare"):
             emitters = emitters_of(world)[: settings.lights]
-            points = [e.points(settings.samples, context.seed, k) for k, e in enumerate(emitters)]
+            points = [e.points(settings.samples, context.seed, k, pattern=settings.pattern) for k, e in enumerate(emitters)]
             hidden = self.prepare(world, emitters, points, settings, counters)
         total = np.zeros((context.size[1], context.size[0], 3))
         k = settings.subpixels

@@ -19,8 +19,8 @@ class Motion:
     """From `before` to `after`.
 
     same_topology: triangles correspond, so that a hit on one can be followed. moved bool (T,): triangles with a vertex that moved
-    (all, where the topology changed). boxes float32 (N, 2, 3): low and high corner of what moved, before and after, one pair an
-    instance. lights, materials: whether those changed.
+    (all, where the topology changed). boxes float32 (N, 2, 3): low and high corner of what moved, before and after in turn, a pair
+    for each instance. lights, materials: whether those changed.
     """
 
     before: World

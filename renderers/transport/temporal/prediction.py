@@ -69,7 +69,8 @@ class RayCast:
         index = np.flatnonzero(found.held & motion.moved[found.triangle])
         if not len(index):
             return cast.origins, cast.directions, rays
-        rotation, shift = carried(motion.before, motion.after, Anchors(found.triangle[index], found.u[index], found.v[index]))
+        moving = Anchors(found.triangle[index], found.u[index], found.v[index])
+        rotation, shift = carried(motion.before, motion.after, moving)
         by_place = len(cast.tangents), -1, 3
         origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
         place = cast.sites.position[index][:, None]
@@ -85,7 +86,9 @@ class RayCast:
             return
         hit = cast.hits.triangle >= 0
         uncertain[hit] |= self._motion.moved[cast.hits.triangle[hit]]
-        crossing(cast.origins, cast.directions, np.where(hit, cast.hits.t, FAR), self._motion.boxes, uncertain)
+        # what moved away from before a ray's hit would have been the hit
+        came = np.ascontiguousarray(self._motion.boxes[1::2])
+        crossing(cast.origins, cast.directions, np.where(hit, cast.hits.t, FAR), came, uncertain)
 
 
 class Reprojection:

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import gaussian_filter
 
-from renderers.images import display_values
-from reports import compare, flicker_floor, measure, measure_change, noise_floor
+from renderers.images import LUMA, display_values
+from reports import Noise, compare, flicker_floor, measure, measure_change, noise_floor
 from reports.comparison import reference_too_noisy
 from reports.metrics import (
     OVER,
@@ -223,13 +223,22 @@ def test_linear_flicker_is_relative_to_the_references() -> None:
 
 def test_flicker_of_the_references_noise_alone() -> None:
     reference = np.full((64, 64, 3), 0.5, np.float32)
-    noisy = (reference, np.full_like(reference, 0.005**2))
+    noisy = Noise(reference, np.full_like(reference, 0.005**2))
     slope = 255 * 1.055 / 2.4 * 0.5 ** (1 / 2.4 - 1)
     # The difference of two independent draws of σ has the mean size σ·2/sqrt(π). Over 4096 pixels its relative standard deviation
     # is sqrt(π/2 − 1)/64 = 1.2 %: 5 % is over 4 of them.
     assert flicker_floor(noisy, noisy)["flicker"] == pytest.approx(0.005 * slope * 2 / np.sqrt(np.pi), rel=0.05)
-    exact = (reference, np.zeros_like(reference))
+    exact = Noise(reference, np.zeros_like(reference))
     assert flicker_floor(exact, exact) == {"flicker": 0, "flicker_linear": 0}
+
+
+def test_noise_that_stays_from_frame_to_frame_makes_no_flicker() -> None:
+    reference = np.full((64, 64, 3), 0.5, np.float32)
+    error = 0.005 * np.random.default_rng(3).standard_normal(reference.shape).astype(np.float32)
+    noises = [Noise(reference, np.full_like(reference, 0.005**2), sample) for sample in (error, error, -error)]
+    assert flicker_floor(*noises[:2]) == {"flicker": 0, "flicker_linear": 0}
+    moved = display_values(np.maximum(reference + error, 0), 1.0) - display_values(np.maximum(reference - error, 0), 1.0)
+    assert flicker_floor(*noises[1:])["flicker"] == pytest.approx(np.abs(moved @ LUMA).mean(), rel=1e-6)
 
 
 def test_residuals_keep_their_sign_and_ghosts_their_place() -> None:
