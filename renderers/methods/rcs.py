@@ -4,8 +4,12 @@
     w_k(p)   = 1 / (|p - p_k| / R_k + √(1 - n·n_k)),   used where w_k ≥ 1/a
     L(p)     = L_e + L_direct + ρ/π · Σ w_k max(0, E_k + (n_k × n)·∇_rE_k + (p - p_k)·∇_tE_k) / Σ w_k
 
-Passes: gbuffer, records (cache misses found, thinned, computed in batches), splat, direct. The image doesn't depend on the order of
-the records, and after the records every pixel is reached by one.
+Glossy pixels have records of their own: coefficients λ_k of the incoming radiance in hemispherical harmonics, with gradients,
+turned to the pixel's frame and multiplied with those of its BRDF: Σ w_k max(0, Σ_i c_i λ'_i) / Σ w_k. Lobes that no order up to 12
+holds are traced from each pixel instead.
+
+Passes: gbuffer, records (cache misses found, thinned, computed in batches), splat, glossy splat, lobes, direct. The image doesn't
+depend on the order of the records, and after the records every pixel is reached by one.
 
 | setting       | default | unit | range                         | meaning                                                    |
 | ------------- | ------- | ---- | ----------------------------- | ---------------------------------------------------------- |
@@ -20,6 +24,12 @@ the records, and after the records every pixel is reached by one.
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
+| glossy        | records |      | records, diffuse              | glossy surfaces by radiance records, or as diffuse ones    |
+| glossy_a      | 0.15    | 1    | 0.01 … 1                      | accuracy of radiance records                               |
+| glossy_rays   | 16384   | 1    | 16 … 65536                    | rays a radiance record                                     |
+| harmonics     | auto    | 1    | 2 … 16                        | order of radiance records; auto: by material, up to 12     |
+| sharp         | traced  |      | traced, truncated             | lobes beyond the order                                     |
+| lobe_rays     | 64      | 1    | 1 … 4096                      | rays a pixel of a traced lobe                              |
 | light_samples | 16      | 1    | 1 … 4096                      | samples of area lights and sky, per pixel of the direct layer |
 | subpixels     | 1       | 1    | 1 … 8                         | k: average k×k G-buffers, with common records              |
 """
@@ -27,7 +37,6 @@ the records, and after the records every pixel is reached by one.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -36,15 +45,12 @@ from numpy.typing import NDArray
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Settings, Transport, register, setting
 from renderers.scene.model import Scene
-from renderers.scene.world import LAMBERT, World
+from renderers.scene.world import World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
-    from renderers.transport.caching.hemisphere import PolarSampler
+    from renderers.transport.caching.layers import Passes
     from renderers.transport.caching.placement import Placement
-    from renderers.transport.caching.records import Sites
-
-    Distances = Callable[[Sites], NDArray[np.float64]]
 
 SOURCE = "Gautron 2006 §4"
 PILOT_RAYS = 64
@@ -74,11 +80,21 @@ class RcsSettings(Settings):
         "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
     )
     records: int | None = setting(None, "at most so many records; empty: no limit", source="Gautron 2006 §4.7", ge=1, le=10**6)
+    glossy: Literal["records", "diffuse"] = setting(
+        "records", "glossy surfaces by radiance records, or as diffuse ones of the same mean albedo", source="Gautron 2006 §4.4"
+    )
+    glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
+    glossy_rays: int = setting(16384, "rays a radiance record", ge=16, le=65536)
+    harmonics: int | None = setting(
+        None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
+    )
+    sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
+    lobe_rays: int = setting(64, "rays a pixel of a traced lobe", ge=1, le=4096)
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
 
 
 class RadianceCacheSplatting(Method):
-    """Direct light plus one diffuse bounce, interpolated between records."""
+    """Direct light plus one bounce, interpolated between records."""
 
     name = "rcs"
     title = "Radiance cache splatting"
@@ -86,8 +102,8 @@ class RadianceCacheSplatting(Method):
     Settings = RcsSettings
     claims: ClassVar = {
         "diffuse": Claim("approximated", "indirect light is interpolated between records, within the accuracy a"),
-        "glossy": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
-        "specular": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
+        "glossy": Claim("approximated", "indirect light is interpolated between radiance records; sharper lobes are traced"),
+        "specular": Claim("approximated", "lobes are traced by a few rays a pixel: noise"),
     }
 
     def transport(self, settings: Any) -> Transport:
@@ -98,49 +114,48 @@ class RadianceCacheSplatting(Method):
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
         with watch("warm-up", "prepare"):
             warm_up(world)
-        from renderers.transport.caching.placement import fill
-        from renderers.transport.caching.records import Records, Sites
-        from renderers.transport.caching.splat import Canvas
-        from renderers.transport.direct import direct, emitted, receivers_of
+            passes = passes_of(world, settings, context, counters)
+        from renderers.transport.direct import direct, emitted
         from renderers.transport.primary import cast_gbuffer
 
-        samplers = samplers_of(world, settings, context.seed, counters)
-        placement, records = placement_of(world, context.size[1], settings, context.seed), Records.empty()
         layers = {name: np.zeros((context.size[1], context.size[0], 3)) for name in ("direct", "indirect")}
         k = settings.subpixels
         for index in range(k * k):
+            seed = context.seed + (index << 32)
             with watch("gbuffer"):
                 gbuffer = cast_gbuffer(world, context.size, ((index % k + 0.5) / k, (index // k + 0.5) / k))
-            albedo = albedos(world, gbuffer)
-            canvas = Canvas.of(gbuffer, albedo.max(axis=2) > 0)
-            with watch("splat"):
-                canvas.add(records, settings.a, settings.weight, settings.gradients, counters)
-            with watch("records"):
-                sites = Sites(*receivers_of(world, gbuffer, canvas.rows))
-                most = None if settings.records is None else settings.records - len(records)
-                records = fill(canvas, sites, *samplers, placement, records, most)
-            flat = layers["indirect"].reshape(-1, 3)
-            flat[canvas.rows] += canvas.irradiance * albedo.reshape(-1, 3)[canvas.rows] / np.pi
+            layers["indirect"] += passes.light(gbuffer, seed, watch, counters).reshape(layers["indirect"].shape)
             with watch("direct"):
-                seed = context.seed + (index << 32)
                 layers["direct"] += emitted(world, gbuffer) + direct(
                     world, gbuffer, settings.light_samples, seed, counters=counters
                 )
             counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
-            counters["pixels_missed"] += int(np.count_nonzero(canvas.missed))
         images = {name: (layer / k**2).astype(np.float32) for name, layer in layers.items()}
         images["beauty"] = images["direct"] + images["indirect"]
-        return Frame(images, watch.timings, dict(sorted(counters.items())))
+        return Frame(images, watch.timings, dict(sorted(counters.items())), notes=passes.notes)
 
 
-def samplers_of(world: World, settings: Any, seed: int, counters: Counter[str]) -> tuple[PolarSampler, Distances]:
-    """What computes records, and what estimates their radius beforehand from few rays."""
+def passes_of(world: World, settings: Any, context: Context, counters: Counter[str]) -> Passes:
+    """The caches that the scene needs, empty: no radiance records without glossy materials."""
     from renderers.transport.caching.hemisphere import PolarSampler, grid_of
     from renderers.transport.caching.incoming import ReflectedDirectLight
+    from renderers.transport.caching.layers import IrradianceCache, Passes, RadianceCache
+    from renderers.transport.caching.radiance import RadianceSampler
+    from renderers.transport.caching.reflectance import gloss_of
 
-    incoming = ReflectedDirectLight(world)
-    pilot = PolarSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters=counters)
-    return PolarSampler(world, grid_of(settings.rays), incoming, seed, counters=counters), pilot.distances
+    seed, height, incoming = context.seed, context.size[1], ReflectedDirectLight(world)
+    pilot = PolarSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters=counters).distances
+    sampler = PolarSampler(world, grid_of(settings.rays), incoming, seed, counters=counters)
+    diffuse = IrradianceCache(world, sampler, pilot, placement_of(world, height, settings, seed), settings.records)
+    gloss = gloss_of(world, settings.harmonics, settings.sharp == "truncated") if settings.glossy == "records" else None
+    if gloss is None or not gloss.shiny:
+        return Passes(world, diffuse, None, gloss, settings.lobe_rays, incoming)
+    radiance = None
+    if gloss.order:
+        radiance_sampler = RadianceSampler(world, grid_of(settings.glossy_rays), incoming, gloss.order, seed, counters=counters)
+        how = placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
+        radiance = RadianceCache(world, gloss, radiance_sampler, pilot, how, settings.records)
+    return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
 
 
 def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
@@ -161,15 +176,10 @@ def placement_of(world: World, height: int, settings: Any, seed: int) -> Placeme
 
 
 def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:
-    """Diffuse reflectance of each pixel, of glossy surfaces their mean albedo: float64 (H, W, 3), 0 on the background."""
-    from renderers.transport.brdf import materials_at, mean_albedo
+    """`caching.reflectance.stand_in_albedo`, for methods whose caches hold irradiance alone."""
+    from renderers.transport.caching.reflectance import stand_in_albedo
 
-    albedo = np.where(gbuffer.covered[..., None], gbuffer.base, 0).astype(np.float64)
-    rows = np.flatnonzero(gbuffer.covered & (world.materials.kind[gbuffer.material] != LAMBERT))
-    if len(rows):
-        flat = albedo.reshape(-1, 3)
-        flat[rows] = mean_albedo(materials_at(world.materials, gbuffer.material.ravel()[rows], flat[rows]))
-    return albedo
+    return stand_in_albedo(world, gbuffer)
 
 
 def warm_up(world: World) -> None:

@@ -10,6 +10,11 @@
 | `weights` | weight and zone of influence |
 | `splat`, `splat_kernels` | records added to the pixels inside their zones |
 | `placement` | where records are put: in batches, or one by one |
+| `radiance` | radiance records: hemispherical harmonics of incoming radiance, with gradients |
+| `reflectance` | BRDFs of glossy materials as coefficients; what is too sharp for them |
+| `glossy`, `glossy_kernels` | radiance records added to the pixels inside their zones |
+| `traced` | lobes too sharp for records |
+| `layers` | irradiance and radiance caches in use, view after view |
 
 Positions, radii and distances are in World units (half the scene's diagonal is 1).
 Sources: P. Gautron, *Cache de luminance et cartes graphiques*, doctoral thesis, Université de Rennes 1, 2006, chapter 4;

@@ -58,6 +58,8 @@ class Hemispheres(NamedTuple):
 class PolarSampler:
     """Computes records by casting rays. counters: `rays` and `records` are added to."""
 
+    equal_solid_angle = False  # cells of equal projected solid angle, which irradiance weights all alike
+
     def __init__(
         self, world: World, grid: Grid, incoming: Incoming, seed: int = 0, jitter: bool = True, counters: Counter[str] | None = None
     ) -> None:
@@ -73,12 +75,16 @@ class PolarSampler:
         def task(part: slice) -> tuple[Records, int]:
             here = sites.rows(part)
             cast, rays = self.hemispheres(here, first + part.start)
-            return records_of(here, cast.tangents, polar_moments(cast.radiance, cast.nearness)), rays
+            return self.summed(here, cast), rays
 
         done = in_threads(task, chunks(len(sites.position), size))
         self.counters["rays"] += sum(rays for _, rays in done)
         self.counters["records"] += len(sites.position)
         return Records.joined([records for records, _ in done])
+
+    def summed(self, sites: Sites, cast: Hemispheres) -> Records:
+        """Records of places, from their hemispheres."""
+        return records_of(sites, cast.tangents, polar_moments(cast.radiance, cast.nearness))
 
     def hemispheres(self, sites: Sites, first: int = 0) -> tuple[Hemispheres, int]:
         """All cells of a few hemispheres, and the number of rays cast. In the calling thread up to RAYS_PER_TASK rays."""
@@ -118,7 +124,9 @@ class PolarSampler:
         shape = len(sites.position) * self.grid.cells, 3
         origins, directions = np.empty(shape, np.float32), np.empty(shape, np.float32)
         keys = (random[:, 6:] * 2**32).astype(np.uint32)
-        _polar_rays(*sites, tangents, *self.grid, self._jitter, keys, OFFSET, origins, directions)
+        _polar_rays(
+            *sites, tangents, *self.grid, self.equal_solid_angle, self._jitter, keys, OFFSET, origins, directions
+        )  # fmt: skip
         return origins, directions
 
 
@@ -158,7 +166,7 @@ def _shifted(ray, lattice, random, numbers):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True)
-def _polar_rays(position, normal, geometric, tangents, rings, sectors, jitter, keys, offset, origins, directions):  # type: ignore[no-untyped-def]
+def _polar_rays(position, normal, geometric, tangents, rings, sectors, solid, jitter, keys, offset, origins, directions):  # type: ignore[no-untyped-def]
     ray = 0
     for record in range(len(position)):
         n, g = normal[record], geometric[record]
@@ -168,6 +176,7 @@ def _polar_rays(position, normal, geometric, tangents, rings, sectors, jitter, k
                 if jitter:
                     a, b = _mixed(keys[record, 0], j * sectors + k), _mixed(keys[record, 1], j * sectors + k)
                 square = (j + a) / rings
+                square = square * (2 - square) if solid else square  # sin² θ, with cos θ = 1 - (j + a) / M
                 sine, cosine = np.sqrt(square), np.sqrt(1 - square)
                 phi = 2 * np.pi * (k + b) / sectors
                 x, y = sine * np.cos(phi), sine * np.sin(phi)

@@ -29,7 +29,7 @@ class Canvas:
     """
 
     def __init__(self, rows: NDArray[np.intp], width: int, position: Float, normal: Float, dtype: Any = np.float32) -> None:
-        self.rows, self.dtype = rows, np.dtype(dtype)
+        self.rows, self.width, self.dtype = rows, width, np.dtype(dtype)
         self.position, self.normal = (np.ascontiguousarray(a, dtype) for a in (position, normal))
         self.sums = np.zeros((len(rows), 4), dtype)
         single = (np.ascontiguousarray(a, np.float32) for a in (position, normal))
