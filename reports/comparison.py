@@ -74,7 +74,7 @@ def flicker_floor(before: Noise, after: Noise, exposure: float = 1.0) -> Row:
     """
     if before.sample is None or after.sample is None:
         return measure_change(*(noisy(each.mean, each.variance, exposure, k) for k, each in enumerate((before, after), start=1)))
-    return measure_change(*(_moved(each.mean, each.sample, exposure) for each in (before, after)))
+    return measure_change(_moved(before.mean, before.sample, exposure), _moved(after.mean, after.sample, exposure))
 
 
 def noisy(reference_image: Image, variance: Image, exposure: float, stream: int = 0) -> Pair:

@@ -150,7 +150,7 @@ def sequence_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
             made = metric_cell(row, "matched", METRICS[metric], best[metric])
             floor = row.floor("matched", metric)
             if floor and made["value"] is not None and metric.startswith("flicker"):
-                made["note"] = f"references up to {of_metric(METRICS[metric], floor)}"
+                made["note"] = f"noise {of_metric(METRICS[metric], floor)}"
             cells.append(made)
         whole = total_seconds(row)
         cells.append(cell(seconds(whole), whole, f"first {seconds(first_seconds(row))}"))

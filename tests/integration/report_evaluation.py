@@ -121,7 +121,8 @@ def make(
                             {"name": "warm", "wall_s": 9.0, "cpu_s": 9.0, "gpu_s": None, "calls": 1, "stage": "prepare"},
                             {"name": "shade", "wall_s": wall, "cpu_s": 1.8 * wall, "gpu_s": None, "calls": 1, "stage": "render"},
                         ],
-                        counters={"rays": 1000 * (m + 1) * size[0] * size[1] + frame} | ({"vpls_lit": 900 * m} if method == "ir" else {}),
+                        counters={"rays": 1000 * (m + 1) * size[0] * size[1] + frame}
+                        | ({"vpls_lit": 900 * m} if method == "ir" else {}),
                         approximations=["glossy: diffuse at the source"] if method == "ir" else [],
                         frame_hash=hashlib.sha256(image.tobytes()).hexdigest(), peak_rss_bytes=300 << 20, device=DEVICE,
                         versions={"luxmeter": "0.1.0", "numpy": np.__version__}, started="2026-01-02T03:04:05Z",

@@ -88,6 +88,7 @@ def test_moving_pictures_keep_all_frames_in_step(folder: Path) -> None:
         assert moving.size == (3 * 320, 240)
         assert moving.info["loop"] == 0
         moving.seek(1)
+        moving.load()
         assert moving.info["duration"] == round(1000 / 24)
 
 

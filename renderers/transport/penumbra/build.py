@@ -19,14 +19,12 @@ from renderers.transport.penumbra.emitters import Emitter
 from renderers.transport.penumbra.functions import PenumbraMap
 from renderers.transport.penumbra.lockstep import aligned_cameras
 from renderers.transport.penumbra.plan import PART
-from renderers.transport.penumbra.pyramid import Pyramid, pyramids_around
+from renderers.transport.penumbra.pyramid import PIECE, Pyramid, pyramids_around
 from renderers.transport.threads import chunks
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 Filter = Literal["bilinear", "nearest"]
-# triangles that are brought into a pyramid's frame at a time
-PIECE = 4096
 GOLDEN = (5**0.5 - 1) / 2
 
 
@@ -90,7 +88,10 @@ def pyramids_of(world: World, emitter: Emitter, points: F64, resolution: int, ne
     """Pyramids around `emitter` that hold all other geometry; parameters as in `build`."""
     others = np.ones(len(world.triangles), bool)
     others[emitter.triangles] = False
-    geometry = world.positions[np.unique(world.triangles[others])].astype(np.float64)
+    used = np.zeros(len(world.positions), bool)
+    for piece in chunks(len(others), PIECE):
+        used[world.triangles[piece][others[piece]]] = True
+    geometry = world.positions[used]
     if not len(geometry):
         return []
     return pyramids_around(

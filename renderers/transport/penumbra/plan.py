@@ -69,12 +69,15 @@ def plan_of(pyramid: Pyramid, cameras: F64, shape: tuple[int, int], memory: int,
         rows = max(band_of(pyramid, cameras, slab, shape[0])[1] for slab in slabs)
         return int((batch * texel + part * 12) * rows * shape[1])
 
+    kept = _slabs(pyramid.height, max(int(left / 2 // (FOUND * row / DENSITY * KEPT)), 1))
     for slabs in _divisions(pyramid.height, min(pyramid.height, tile)):
+        # every slab draws a band of every map: fewer slabs are less work, however they are finished
+        if len(slabs) > len(kept):
+            break
         if (size := drawn(slabs, count)) <= left:
             return Plan(slabs, count, part, tile, events, 0, working + size)
-    slabs = _slabs(pyramid.height, max(int(left / 2 // (FOUND * row / DENSITY * KEPT)), 1))
-    batch = _largest(lambda n: drawn(slabs, n) <= left - left // 2, count)
-    return Plan(slabs, batch, part, tile, events, left // 2, working + left // 2 + drawn(slabs, batch))
+    batch = _largest(lambda n: drawn(kept, n) <= left - left // 2, count)
+    return Plan(kept, batch, part, tile, events, left // 2, working + left // 2 + drawn(kept, batch))
 
 
 def band_of(pyramid: Pyramid, cameras: F64, rows: range, height: int) -> tuple[I64, int]:

@@ -46,7 +46,7 @@ class PhotonMap:
         """
         p = self.photons.rows(np.argsort(self.order))
         # lengths shrink by `scale`, intensities by scale²: flux in the World is scale² that of the scene
-        floats = {
+        floats: dict[str, NDArray[Any]] = {
             "position": p.position / world.scale + world.centre,
             "direction": p.direction,
             "flux": p.flux / world.scale**2,
