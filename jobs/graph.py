@@ -48,8 +48,9 @@ def exposure_reference(plan: Plan, scene: str) -> str:
 
 
 def references_of(plan: Plan, render: str) -> dict[int, dict[str, str]]:
-    """For each frame of a render the ids of its `matched` and `full` references."""
+    """For each frame of a render that has references the ids of the `matched` and the `full` one."""
     task = plan.renders[render]
+    compared = frozenset(plan.request.reference_frames)
     transport = next(cell.transport for cell in plan.cells if cell.id == f"{render}.f{task.outputs[0].frame:04d}")
     return {
         output.frame: {
@@ -57,6 +58,7 @@ def references_of(plan: Plan, render: str) -> dict[int, dict[str, str]]:
             "full": reference_id(task.scene_name, "full", "centre", output.frame),
         }
         for output in task.outputs
+        if output.frame in compared
     }
 
 

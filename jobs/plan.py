@@ -114,7 +114,9 @@ def _add_scene(plan: Plan, named: NamedScene, variants: list[Variant]) -> None:
     world = scene.world(request.frames[0])
     needs = sorted(scene.needs)
     plan.scenes.append(
-        SceneInfo(name=named.name, hash=scene.hash, needs=needs, notes=list(scene.notes), triangles=len(world.triangles))
+        SceneInfo(
+            name=named.name, hash=scene.hash, needs=needs, notes=list(scene.notes), triangles=len(world.triangles), fps=scene.fps
+        )
     )
     if scene.exposure is not None:
         plan.exposures[named.name] = scene.exposure
@@ -172,8 +174,8 @@ def _add_pilot(plan: Plan, named: NamedScene, variant: Variant) -> str:
 
 
 def _add_references(plan: Plan, named: NamedScene, transports: set[Transport]) -> None:
-    first, last = plan.request.frames
-    wanted = [(t, "centre", frame) for frame in range(first, last + 1) for t in sorted(transports)]
+    first = plan.request.frames[0]
+    wanted = [(t, "centre", frame) for frame in plan.request.reference_frames for t in sorted(transports)]
     wanted.append(("full", "box", first))
     if first > 0 and named.name not in plan.exposures:
         wanted.append(("full", "centre", 0))
@@ -182,7 +184,7 @@ def _add_references(plan: Plan, named: NamedScene, transports: set[Transport]) -
         plan.references[name] = ReferenceTask.model_validate(
             {
                 "id": name, "scene": named.text, "scene_name": named.name, "transport": transport, "pixel": pixel, "frame": frame,
-                "size": plan.request.size, "noise": plan.request.noise, "image": f"references/{name}.exr",
+                "begin": first, "size": plan.request.size, "noise": plan.request.noise, "image": f"references/{name}.exr",
             }
         )  # fmt: skip
 

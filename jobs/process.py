@@ -1,4 +1,4 @@
-"""Run a task in a child process of its own: own session, killed as a group, bounded in time and memory."""
+"""Run a task in a child process of its own: own process group, killed as one, bounded in time and memory."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def run_task(task: AnyTask, limits: Limits, progress: Callable[[dict[str, Any]],
             command = [sys.executable, "-P", "-m", "jobs.child", str(order), str(answer), str(writer), str(os.getpid())]
             child = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=child_environment(), pass_fds=(writer,),
-                start_new_session=True,
+                process_group=0,  # not a session: Linux shares the processor out among sessions first, whatever their niceness
             )  # fmt: skip
             os.close(writer)
             try:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from jobs.artifacts import Artifacts
 from jobs.files import whole
 from jobs.scenes import open_scene
@@ -51,6 +53,7 @@ class Shared:
 def reference(task: ReferenceTask, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
     """Write the reference's image; answers `info` (a ReferenceInfo), the scene's hash and the exposure this image suggests."""
     from renderers import reference as renderer
+    from renderers.transport.revealed import revealed
 
     def report(replicates: int, noise: float, eta: float | None) -> None:
         progress({"replicates": replicates, "noise": noise, "eta": eta})
@@ -66,6 +69,11 @@ def reference(task: ReferenceTask, progress: Callable[[dict[str, Any]], None]) -
     )  # fmt: skip
     digest = hashlib.sha256(ref.total.tobytes() + ref.squares.tobytes() + f"{ref.n},{ref.spp}".encode()).hexdigest()
     layers = {"mean": ref.image, "variance": ref.variance, "luminance_variance": ref.luminance_variance}
+    if ref.noise_sample is not None:
+        layers["noise_sample"] = ref.noise_sample
+    hidden_before = revealed(scene, task.frame, task.size, task.begin) if task.pixel == "centre" else None
+    if hidden_before is not None:
+        layers["revealed"] = hidden_before.astype(np.float32)
     with whole(task.folder / task.image) as path:
         write_exr(path, layers, "mean", n=str(ref.n), spp=str(ref.spp), transport=task.transport, pixel=task.pixel)
     info = ReferenceInfo(

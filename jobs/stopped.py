@@ -78,7 +78,7 @@ def _has_open(pid: int, files: Sequence[Path]) -> bool:
 
 
 def _is_task(pid: int) -> bool:
-    """Whether a process carries out a task: it leads a session of its own."""
+    """Whether a process carries out a task: it leads a process group of its own."""
     with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-        return b"jobs.child" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0") and os.getsid(pid) == pid
+        return b"jobs.child" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0") and os.getpgid(pid) == pid
     return False

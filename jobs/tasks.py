@@ -60,7 +60,8 @@ class PilotTask(BaseModel):
 class ReferenceTask(BaseModel):
     """Path-trace one image to a wanted noise, or until `max_seconds`.
 
-    cache: folder of references on this machine; store: URL of the artefact store that shares them between machines.
+    cache: folder of references on this machine; store: URL of the artefact store that shares them between machines. begin: first
+    frame of the sequence, before which nothing was ever seen.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -71,6 +72,7 @@ class ReferenceTask(BaseModel):
     transport: Transport
     pixel: Literal["centre", "box"] = "centre"
     frame: int = 0
+    begin: int = 0
     size: tuple[int, int]
     noise: float
     max_seconds: float | None = None

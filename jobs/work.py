@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from jobs.artifacts import Artifacts
-from jobs.comparing import Metrics, ReferenceImage, against, noise_floor
+from jobs.comparing import Comparison, ReferenceImage, against
 from jobs.errors import Failure, StoreError, TaskError, describe
 from jobs.files import write_model
 from jobs.folder import write_folder
@@ -150,15 +150,14 @@ def _compare(plan: Plan, order: Order, node: Node, before: Outcomes, bench: Benc
     exposure = exposure_of(plan, task.scene_name, before)
     references = references_of(plan, node.key)
     files: dict[str, str] = {}
+    comparison = Comparison(exposure)
     for output in task.outputs:
         bench.asked()
         bench.artifacts.get_file(rendered.files[output.image], folder / output.image)
         test = read_exr(folder / output.image)[0]["beauty"]
-        metrics: dict[str, Metrics] = {}
-        floors: dict[str, Metrics] = {}
-        for role, key in references[output.frame].items():
-            reference = _reference_image(key, before, bench, folder)
-            metrics[role], floors[role] = against(test, reference, exposure), noise_floor(reference, exposure)
+        keys = references.get(output.frame, {})
+        own = {role: _reference_image(key, before, bench, folder) for role, key in keys.items()}
+        metrics, floors = comparison.frame(output.frame, test, own)
         result = Result.model_validate_json(bench.artifacts.get(rendered.files[output.result]))
         notes = [*result.notes, CLASH] if rendered.data["clash"] else result.notes
         changes = {"metrics": metrics, "noise_floor": floors, "notes": notes}

@@ -1,6 +1,7 @@
 """Images and result rows in; metrics, verdicts, tables, plots and a static HTML report out. Knows no queue and no HTTP.
 
-`compare` measures one image against one reference; `noise_floor` says what the reference's own noise would measure; `write` turns
+`compare` measures one image against one reference, `measure_change` the change from one frame to the next; `noise_floor` and
+`flicker_floor` say what the references' own noise would measure; `write` turns
 an evaluation folder (`reports.folder`) into a report that opens from disk. The metrics are defined once, in `reports.registry`.
 """
 
@@ -8,9 +9,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reports.comparison import compare, noise_floor
+from reports.comparison import Noise, compare, flicker_floor, measure, measure_change, noise_floor
 
-__all__ = ["compare", "noise_floor", "write"]
+__all__ = ["Noise", "compare", "flicker_floor", "measure", "measure_change", "noise_floor", "write"]
 
 
 def write(folder: Path) -> Path:

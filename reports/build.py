@@ -22,6 +22,7 @@ from reports.plots import speed_against_error
 from reports.registry import METRICS
 from reports.results import NOT_DETERMINISTIC, Result
 from reports.rows import Row, gather
+from reports.sequence_page import sequence_context
 from reports.stored import Images
 from reports.verdicts import summary
 from reports.viewer import write_viewer
@@ -111,7 +112,7 @@ def _scene(images: Images, evaluation: Evaluation, scene: SceneInfo, rows: list[
         "settings": tables.settings_table(rows),
         "plots": _plots(rows, assets, prefix),
         "budgets": {"zero": zero, "stacks": stacks},
-        "sequences": [errors for row in rows if len(row.frames) > 1 and (errors := evidence.sequence(row)) is not None],
+        "sequence": sequence_context(images, scene, rows, assets, prefix),
         "viewer": write_viewer(images, scene, rows, assets, prefix),
         "failed": _failures(rows),
         "waiting": [cell for row in rows for cell in row.failed if cell.state != "failed"],

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reports.metrics import Pair, flicker
+from reports.metrics import Pair
 from reports.registry import METRICS
 
 Image = NDArray[np.floating]
@@ -40,13 +41,9 @@ def measure(pair: Pair, *, nightly: bool = False) -> Row:
     return {m.id: m.function(pair) for m in METRICS.values() if m.function is not None and (nightly or not m.nightly)}
 
 
-def compare_sequence(pairs: Sequence[Pair], *, nightly: bool = False) -> tuple[list[Row], float | None, int]:
-    """Rows per frame, flicker (None for one frame), and the index of the worst frame by RMSE. Raises ValueError without frames."""
-    if not pairs:
-        raise ValueError("a sequence needs at least one frame")
-    rows = [measure(pair, nightly=nightly) for pair in pairs]
-    errors = [row["rmse"] or 0.0 for row in rows]
-    return rows, flicker(pairs), errors.index(max(errors))
+def measure_change(before: Pair, after: Pair) -> Row:
+    """Every metric of sequences by id, of two consecutive frames of equal size."""
+    return {m.id: m.change(before, after) for m in METRICS.values() if m.change is not None}
 
 
 def noise_floor(reference_image: Image, variance: Image, exposure: float = 1.0) -> Row:
@@ -55,9 +52,39 @@ def noise_floor(reference_image: Image, variance: Image, exposure: float = 1.0) 
     variance (H, W, 3) is that of the mean. The draw moves a pixel's three channels together (they share their light paths), which
     is the largest change of luminance that these variances allow: the floor is not too low.
     """
-    draw = np.random.default_rng(0).standard_normal(reference_image.shape[:2])
-    noisy = reference_image + draw[..., None] * np.sqrt(variance.astype(np.float64))
-    return measure(Pair(np.maximum(noisy, 0.0), reference_image, exposure))
+    return measure(noisy(reference_image, variance, exposure))
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """A reference's mean and the variance of it, both (H, W, 3), and a sample of its error where one is known."""
+
+    mean: Image
+    variance: Image
+    sample: Image | None = None
+
+
+def flicker_floor(before: Noise, after: Noise, exposure: float = 1.0) -> Row:
+    """Metrics of sequences that the noise of two references alone produces.
+
+    References take their random numbers in every frame anew from the start, so where little moves their noise stays and makes no
+    flicker: samples of their errors move together in the same way. Without samples, two independent draws of `noise_floor` give
+    what it is at most. By the triangle inequality the flicker against noise-free references lies within ± this of the measured
+    one.
+    """
+    if before.sample is None or after.sample is None:
+        return measure_change(*(noisy(each.mean, each.variance, exposure, k) for k, each in enumerate((before, after), start=1)))
+    return measure_change(_moved(before.mean, before.sample, exposure), _moved(after.mean, after.sample, exposure))
+
+
+def noisy(reference_image: Image, variance: Image, exposure: float, stream: int = 0) -> Pair:
+    """The reference plus one seeded draw of its noise, against itself. Each stream is a draw of its own."""
+    draw = np.random.default_rng(stream).standard_normal(reference_image.shape[:2])
+    return _moved(reference_image, draw[..., None] * np.sqrt(variance.astype(np.float64)), exposure)
+
+
+def _moved(reference_image: Image, by: Image, exposure: float) -> Pair:
+    return Pair(np.maximum(reference_image + by, 0.0), reference_image, exposure)
 
 
 def reference_too_noisy(row: Mapping[str, float | None], limit: float = TOO_NOISY) -> bool:

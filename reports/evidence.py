@@ -1,4 +1,4 @@
-"""What needs the images themselves: error budgets, flicker, and whether a reference can decide between two methods."""
+"""What needs the images themselves: error budgets, and whether a reference can decide between two methods."""
 
 from __future__ import annotations
 
@@ -9,22 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.images import display_values
-from reports.comparison import compare_sequence
 from reports.folder import SceneInfo
 from reports.rows import AGAINST, Against, Row
+from reports.sequences import compared
 from reports.statistics import Budget, Truth, budget, mean_budget, reference_decides, truth
 from reports.stored import Images, StoredReference
-
-
-@dataclass(frozen=True)
-class FrameErrors:
-    """A row over several frames: mean and worst RMSE against the matched reference, and flicker, of its first seed."""
-
-    row: Row
-    mean: float
-    worst: float
-    worst_frame: int
-    flicker: float | None
 
 
 class Evidence:
@@ -45,12 +34,14 @@ class Evidence:
         return [display_values(image, self.scene.exposure) for image in found if image is not None]
 
     def budget(self, row: Row) -> Budget | None:
-        """The row's error budget, mean over frames; None without images or without one of the two references."""
+        """The row's error budget, mean over the frames that have both references; None without those or without an image."""
         found = []
         for frame in row.frames:
             matched, full = (self.reference(row, frame, a) for a in AGAINST)
+            if matched is None or full is None:
+                continue
             images = self.seeds(row, frame)
-            if not images or matched is None or full is None:
+            if not images:
                 return None
             truth_matched, truth_full = self._truth(matched), self._truth(full)
             floor = float(np.mean(truth_matched.spread**2))
@@ -58,8 +49,10 @@ class Evidence:
         return mean_budget(found) if found else None
 
     def decides(self, a: Row, b: Row, against: Against) -> bool | None:
-        """Whether the references can decide between two rows in the first frame that both have; None when they can't be asked."""
-        frames = [f for f in a.frames if f in b.frames]
+        """Whether the references can decide between two rows in the first frame that both have compared; None when they can't be
+        asked.
+        """
+        frames = [f for f in compared(a) if f in compared(b)]
         if not frames or a.size != b.size:
             return None
         references = [self.reference(row, frames[0], against) for row in (a, b)]
@@ -68,22 +61,6 @@ class Evidence:
             return None
         means = [np.mean(seeds, axis=0) for seeds in images]
         return reference_decides(means[0], means[1], self._truth(references[0]), self._truth(references[1]))
-
-    def sequence(self, row: Row) -> FrameErrors | None:
-        """Flicker and worst frame of the first seed; None for one frame or without images or references."""
-        seed = row.done[0][0].seed if row.done else None
-        pairs, frames = [], []
-        for cell in (c for c, _ in row.done if c.seed == seed):
-            image, reference = self.images.frame(cell), self.reference(row, cell.frame, "matched")
-            if image is None or reference is None:
-                return None
-            pairs.append(reference.pair(image, self.scene.exposure))
-            frames.append(cell.frame)
-        if len(pairs) < 2:
-            return None
-        rows, flicker, worst = compare_sequence(pairs)
-        errors = [r["rmse"] or 0.0 for r in rows]
-        return FrameErrors(row, float(np.mean(errors)), errors[worst], frames[worst], flicker)
 
     def _truth(self, stored: StoredReference) -> Truth:
         if stored.info.id not in self._truths:

@@ -4,7 +4,7 @@ DIR/
   evaluation.json              Evaluation: request, scenes, cells, references (below)
   results/<cell id>.json       one Result a cell
   images/<cell id>.exr         layers of the Frame (direct.*, indirect.*, beauty.*)
-  references/<ref id>.exr      layers mean.*, variance.* and luminance_variance.Y; attributes n, spp
+  references/<ref id>.exr      layers mean.*, variance.*, luminance_variance.Y, noise_sample.*, revealed.Y; n, spp
   index.html  assets/  results.csv  results.parquet      written by `reports.write`
 """
 
@@ -21,7 +21,9 @@ State = Literal["queued", "running", "done", "failed", "cancelled"]
 
 
 class SceneInfo(BaseModel):
-    """What a report says of a scene. exposure: the scene's fixed one; aliasing: metrics of the box against the centre reference."""
+    """What a report says of a scene. exposure: the scene's fixed one; fps: frames a second;
+    aliasing: metrics of the box against the centre reference.
+    """
 
     model_config = ConfigDict(extra="forbid")
     name: str
@@ -30,6 +32,7 @@ class SceneInfo(BaseModel):
     notes: list[str] = []
     triangles: int = 0
     exposure: float = 1.0
+    fps: float = 24.0
     aliasing: dict[str, float | None] = {}
 
 

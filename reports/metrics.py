@@ -8,10 +8,8 @@ None stands for "not defined here" (an image too small for SSIM's window, a rela
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +26,9 @@ class Pair:
     """A test and a reference image, linear float (H, W, 3), with the scene's exposure.
 
     luminance_variance (H, W) is the variance of the reference's mean luminance over `n` replicates; without it the reference
-    counts as exact. Raises ValueError where shapes differ, values are not finite, the exposure is not positive or a variance comes
-    without n ≥ 2.
+    counts as exact. revealed, bool (H, W), marks pixels whose surface a moving object hid, or the image didn't hold, a few frames
+    ago. Raises ValueError where shapes differ, values are not finite, the exposure is not positive or a variance comes without
+    n ≥ 2.
     """
 
     test: NDArray[np.floating]
@@ -37,6 +36,7 @@ class Pair:
     exposure: float = 1.0
     luminance_variance: NDArray[np.floating] | None = None
     n: int | None = None
+    revealed: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         if self.test.ndim != 3 or self.test.shape[2] != 3 or self.test.shape != self.reference.shape:
@@ -45,6 +45,8 @@ class Pair:
             raise ValueError("images must be finite")
         if not (np.isfinite(self.exposure) and self.exposure > 0):
             raise ValueError(f"exposure must be positive, got {self.exposure}")
+        if self.revealed is not None and (self.revealed.shape != self.reference.shape[:2] or self.revealed.dtype != bool):
+            raise ValueError("revealed must be bool (H, W)")
         if self.luminance_variance is not None:
             if self.luminance_variance.shape != self.reference.shape[:2] or not (self.luminance_variance >= 0).all():
                 raise ValueError("luminance_variance must be (H, W) and not negative")
@@ -205,12 +207,42 @@ def flip_hdr(pair: Pair) -> float | None:
     return float(mean)
 
 
-def flicker(pairs: Sequence[Pair]) -> float | None:
-    """Mean absolute frame-to-frame change of (test − reference) on luma, 0..255; None for less than two frames."""
-    if len(pairs) < 2:
-        return None
-    errors = [pair.test_luma - pair.reference_luma for pair in pairs]
-    return float(np.mean([np.abs(b - a).mean() for a, b in pairwise(errors)]))
+def too_bright(pair: Pair) -> float:
+    """Mean over pixels of max(t − r, 0) on luma, 0..255."""
+    return float(_excess(pair, 1).mean())
+
+
+def too_dark(pair: Pair) -> float:
+    """Mean over pixels of max(r − t, 0) on luma, 0..255."""
+    return float(_excess(pair, -1).mean())
+
+
+def ghost_bright(pair: Pair) -> float | None:
+    """`too_bright` over the revealed pixels alone; None where the pair doesn't know them or has none."""
+    return None if pair.revealed is None or not pair.revealed.any() else float(_excess(pair, 1)[pair.revealed].mean())
+
+
+def ghost_dark(pair: Pair) -> float | None:
+    """`too_dark` over the revealed pixels alone; None where the pair doesn't know them or has none."""
+    return None if pair.revealed is None or not pair.revealed.any() else float(_excess(pair, -1)[pair.revealed].mean())
+
+
+def _excess(pair: Pair, sign: int) -> Array:
+    return np.maximum(sign * (pair.test_luma - pair.reference_luma), 0.0)
+
+
+def flicker(before: Pair, after: Pair) -> float:
+    """Mean absolute change of (test − reference) on luma from one frame to the next, 0..255."""
+    return float(np.abs((after.test_luma - after.reference_luma) - (before.test_luma - before.reference_luma)).mean())
+
+
+def flicker_linear(before: Pair, after: Pair) -> float | None:
+    """Mean absolute change of (test − reference) on linear luminance over the references' mean; None against black, 0 if all is."""
+    change = np.abs((after.test_luminance - after.reference_luminance) - (before.test_luminance - before.reference_luminance))
+    level = float(before.reference_luminance.mean() + after.reference_luminance.mean()) / 2
+    if level <= 0.0:
+        return None if change.any() else 0.0
+    return float(change.mean()) / level
 
 
 def signed_relative_error(pair: Pair) -> NDArray[np.float32]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,17 +62,11 @@ def speed_against_error(rows: Sequence[Row], stem: Path) -> list[str]:
     """Write `<stem>-light.svg` and `<stem>-dark.svg` for rows of one device; returns their names, none without measurements."""
     if not any(points(rows, against) for against in AGAINST):
         return []
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
     names = []
     for theme in THEMES:
-        colours = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
-        style: Any = {**STYLE, **dict.fromkeys(colours, theme.ink)}
-        # From matplotlib's own defaults, so that a user's matplotlibrc doesn't change the report.
-        with mpl.rc_context():
-            mpl.rcdefaults()
-            mpl.rcParams.update(style)
+        with themed(theme):
             figure = Figure(figsize=(10.4, 3.9), layout="constrained")
             left, right = figure.subplots(1, 2, sharex=True)
             for axes, against in ((left, AGAINST[0]), (right, AGAINST[1])):
@@ -83,6 +78,19 @@ def speed_against_error(rows: Sequence[Row], stem: Path) -> list[str]:
             figure.savefig(path, format="svg", transparent=True, metadata={"Date": None, "Creator": "luxmeter"})
         names.append(path.name)
     return names
+
+
+@contextmanager
+def themed(theme: Theme) -> Iterator[None]:
+    """Draw in the colours of a page, from matplotlib's own defaults: a user's matplotlibrc doesn't change the report."""
+    import matplotlib as mpl
+
+    colours = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
+    style: Any = {**STYLE, **dict.fromkeys(colours, theme.ink)}
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(style)
+        yield
 
 
 def _panel(axes: Axes, rows: Sequence[Row], against: Against, theme: Theme) -> None:

@@ -10,12 +10,12 @@ import numpy as np
 
 from reports.change import Quantity
 from reports.folder import Cell
-from reports.metrics import Pair, flicker
+from reports.metrics import Pair
 from reports.paired import paired
 from reports.registry import METRICS
 from reports.results import Result
 from reports.rows import Row
-from reports.stored import Images
+from reports.stored import Images, StoredReference
 
 # Changes that reordered float32 sums can make are not changes of a method. Sums of a thousand terms round by up to 1e-4, relative;
 # through the sRGB curve's power 1/2.4 that moves display values by at most 255 · 1e-4 / 2.4 = 0.011. RMSE is a norm: it moves by
@@ -75,7 +75,7 @@ def match(before: Row, after: Row) -> Match:
 def errors(found: Match, before: Images, after: Images, exposure: float) -> list[Quantity] | None:
     """Error metrics of both runs' images against the same references, those of the later run, by today's definitions.
 
-    None where an image or every reference is missing.
+    Frames without a reference are left out. None where an image or every reference is missing.
     """
     measured: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     for seed in found.seeds:
@@ -95,37 +95,42 @@ def errors(found: Match, before: Images, after: Images, exposure: float) -> list
 def _seed_errors(
     names: Sequence[str], cells: Sequence[tuple[Cell, Cell]], before: Images, after: Images, exposure: float
 ) -> dict[tuple[str, str], tuple[float, float]] | None:
-    """(before, after) of metrics of one seed, mean over frames; None where an image or a reference is missing."""
+    """(before, after) of metrics of one seed, mean over frames; None where an image or every reference is missing."""
     values: dict[tuple[str, str], tuple[float, float]] = {}
     for against, wanted in (("matched", names), ("full", ("rmse",))):
-        pairs = [_pairs(old, new, against, before, after, exposure) for old, new in cells]
-        whole = [pair for pair in pairs if pair is not None]
-        if len(whole) < len(pairs):
+        pairs: dict[int, tuple[Pair, Pair]] = {}
+        for old, new in cells:
+            reference = _reference(new, against, before, after)
+            images = before.frame(old), after.frame(new)
+            if images[0] is None or images[1] is None:
+                return None
+            if reference is not None:
+                pairs[new.frame] = reference.pair(images[0], exposure), reference.pair(images[1], exposure)
+        if not pairs:
             return None
         for name in wanted:
-            b, a = (_measure(name, [pair[side] for pair in whole]) for side in (0, 1))
+            b, a = (_measure(name, {frame: pair[side] for frame, pair in pairs.items()}) for side in (0, 1))
             if b is not None and a is not None:
                 values[against, name] = (b, a)
     return values
 
 
-def _pairs(old: Cell, new: Cell, against: str, before: Images, after: Images, exposure: float) -> tuple[Pair, Pair] | None:
-    """Both runs' images of a cell beside one reference, the later run's where it has one."""
-    wanted = (new.scene, new.frame, new.transport if against == "matched" else "full", (new.width, new.height))
-    reference = after.reference(*wanted) or before.reference(*wanted)
-    earlier, later = before.frame(old), after.frame(new)
-    if reference is None or earlier is None or later is None:
-        return None
-    return reference.pair(earlier, exposure), reference.pair(later, exposure)
+def _reference(cell: Cell, against: str, before: Images, after: Images) -> StoredReference | None:
+    """What both runs' images of a cell are compared with, the later run's if it has one; not every frame of a sequence does."""
+    wanted = (cell.scene, cell.frame, cell.transport if against == "matched" else "full", (cell.width, cell.height))
+    return after.reference(*wanted) or before.reference(*wanted)
 
 
-def _measure(name: str, pairs: Sequence[Pair]) -> float | None:
-    """A metric's mean over frames, or the sequence's flicker; None where it isn't defined."""
-    function = METRICS[name].function
-    if function is None:
-        return flicker(pairs)
-    values = [value for pair in pairs if (value := function(pair)) is not None]
-    return float(np.mean(values)) if len(values) == len(pairs) else None
+def _measure(name: str, pairs: Mapping[int, Pair]) -> float | None:
+    """A metric's mean over frames, or for one of sequences over pairs of consecutive frames; None where it isn't defined."""
+    metric = METRICS[name]
+    if metric.change is not None:
+        values = [metric.change(pairs[frame - 1], pair) for frame, pair in pairs.items() if frame - 1 in pairs]
+    else:
+        assert metric.function is not None, "a metric is of one frame or of two"
+        values = [metric.function(pair) for pair in pairs.values()]
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known and len(known) == len(values) else None
 
 
 def _error(against: str, name: str, before: Sequence[float], after: Sequence[float]) -> Quantity:

@@ -9,7 +9,7 @@ from typing import Literal
 from reports import metrics
 from reports.metrics import Pair
 
-VERSION = "1"  # part of every comparison's key: raise it when a definition changes
+VERSION = "2"  # part of every comparison's key: raise it when a definition changes
 
 Direction = Literal["lower", "higher", "zero"]
 Unit = Literal["0-255", "1", "share"]
@@ -19,7 +19,8 @@ Unit = Literal["0-255", "1", "share"]
 class Metric:
     """One metric. `direction`: which values are better, lower, higher or those nearest to zero; `share` is shown in per cent.
 
-    `function` takes a Pair; it is None for metrics of sequences. `nightly` metrics are too slow for every job.
+    `function` takes a Pair; `change`, of metrics of sequences, the Pairs of two consecutive frames: the value belongs to the later
+    one. `nightly` metrics are too slow for every job.
     """
 
     id: str
@@ -30,6 +31,7 @@ class Metric:
     source: str
     function: Callable[[Pair], float | None] | None
     nightly: bool = False
+    change: Callable[[Pair, Pair], float | None] | None = None
 
     def badness(self, value: float) -> float:
         """A number that is lower for better values, for sorting and for finding the best."""
@@ -122,9 +124,56 @@ METRICS: dict[str, Metric] = {
             "Flicker",
             "0-255",
             "lower",
-            "mean over frames and pixels of |(t − r)ₖ₊₁ − (t − r)ₖ| on luma",
+            "mean over pixels of |(t − r)ₖ − (t − r)ₖ₋₁| on luma, frames k and k − 1",
             "frame-to-frame change that the reference doesn't have",
             None,
+            change=metrics.flicker,
+        ),
+        Metric(
+            "flicker_linear",
+            "Flicker, linear",
+            "share",
+            "lower",
+            "mean over pixels of |(t − r)ₖ − (t − r)ₖ₋₁| on linear luminance, over the mean of r in both frames",
+            "frame-to-frame change that the reference doesn't have",
+            None,
+            change=metrics.flicker_linear,
+        ),
+        Metric(
+            "too_bright",
+            "Brighter than truth",
+            "0-255",
+            "lower",
+            "mean over pixels of max(t − r, 0) on luma",
+            "signed residual: light that should not be there",
+            metrics.too_bright,
+        ),
+        Metric(
+            "too_dark",
+            "Darker than truth",
+            "0-255",
+            "lower",
+            "mean over pixels of max(r − t, 0) on luma",
+            "signed residual: light that is missing",
+            metrics.too_dark,
+        ),
+        Metric(
+            "ghost_bright",
+            "Bright ghosts",
+            "0-255",
+            "lower",
+            "mean over revealed pixels of max(t − r, 0) on luma",
+            "signed residual behind moving objects: light of an earlier frame that stays",
+            metrics.ghost_bright,
+        ),
+        Metric(
+            "ghost_dark",
+            "Dark ghosts",
+            "0-255",
+            "lower",
+            "mean over revealed pixels of max(r − t, 0) on luma",
+            "signed residual behind moving objects: shadow of an earlier frame that stays",
+            metrics.ghost_dark,
         ),
     )
 }

@@ -12,12 +12,14 @@ from reports.format import DASH, count, megabytes, number, of_metric, percent, s
 from reports.registry import METRICS, Metric
 from reports.results import Result
 from reports.rows import AGAINST, Against, Row, device_string
+from reports.sequences import compared, first_seconds, is_sequence, total_seconds, worst
 from reports.verdicts import best_values
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MAIN_METRICS = ("rmse", "ssim", "over_2pct")
+SEQUENCE_METRICS = ("rmse", "flicker", "flicker_linear", "ghost_bright", "ghost_dark")
 TableCell = dict[str, Any]
 
 
@@ -133,6 +135,27 @@ def other_metrics_table(rows: Sequence[Row]) -> tuple[list[str], list[dict[str, 
     headings = [f"{m.name}, {a}" for a in AGAINST for m in extra]
     lines = [{"row": r, "cells": [metric_cell(r, a, m, best[a, m.id]) for a in AGAINST for m in extra]} for r in rows]
     return headings, lines
+
+
+def sequence_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Lines of a scene's table over frames: frames, mean and worst error, flicker, ghosts, seconds of all and the first frame."""
+    best = {m: best_values(rows, "matched", m) for m in SEQUENCE_METRICS}
+    lines = []
+    for row in (row for row in rows if is_sequence(row)):
+        frames, measured, found = len(row.frames), len(compared(row)), worst(row)
+        cells = [cell(str(frames), frames, "all compared" if measured == frames else f"{measured} compared")]
+        cells.append(metric_cell(row, "matched", METRICS["rmse"], best["rmse"]))
+        cells.append(cell(number(found[1]), found[1], f"frame {found[0].frame}") if found else cell(DASH))
+        for metric in SEQUENCE_METRICS[1:]:
+            made = metric_cell(row, "matched", METRICS[metric], best[metric])
+            floor = row.floor("matched", metric)
+            if floor and made["value"] is not None and metric.startswith("flicker"):
+                made["note"] = f"noise {of_metric(METRICS[metric], floor)}"
+            cells.append(made)
+        whole = total_seconds(row)
+        cells.append(cell(seconds(whole), whole, f"first {seconds(first_seconds(row))}"))
+        lines.append({"row": row, "cells": cells})
+    return lines
 
 
 def settings_table(rows: Sequence[Row]) -> list[dict[str, Any]]:

@@ -21,18 +21,29 @@ from renderers.images import luminance, write_png
 from reports.folder import Cell, SceneInfo
 from reports.metrics import over_states
 from reports.rows import Row
+from reports.sequences import compared, worst
 from reports.stored import Images, StoredReference
 
 MOST_FRAMES = 8
+MOST_OF_A_SEQUENCE = 24
+MOST_PIXELS = 6_000_000  # of a sequence, 16 bytes each in the scripts
 DIFFERENCE_RANGE = 0.25
 
 
-def shown_frames(frames: Sequence[int]) -> list[int]:
+def shown_frames(frames: Sequence[int], most: int = MOST_FRAMES) -> list[int]:
     """All frames, or of many the first, the last and evenly spaced ones between them, at most 8."""
-    if len(frames) <= MOST_FRAMES:
+    if len(frames) <= most:
         return list(frames)
-    picks = np.linspace(0, len(frames) - 1, MOST_FRAMES).round().astype(int)
+    picks = np.linspace(0, len(frames) - 1, most).round().astype(int)
     return [frames[i] for i in picks]
+
+
+def chosen_frames(rows: Sequence[Row]) -> list[int]:
+    """Frames of the viewer: of those that have references the shown ones, more of small images, and each row's worst frame."""
+    frames = sorted({f for row in rows for f in compared(row)}) or sorted({f for row in rows for f in row.frames})
+    pixels = sum(3 * row.size[0] * row.size[1] for row in rows)  # an image and two references
+    most = min(max(MOST_PIXELS // pixels, MOST_FRAMES), MOST_OF_A_SEQUENCE) if rows else MOST_FRAMES
+    return sorted({*shown_frames(frames, most), *(cell.frame for row in rows if (found := worst(row)) for cell in found[:1])})
 
 
 def write_viewer(images: Images, scene: SceneInfo, rows: Sequence[Row], assets: Path, prefix: str) -> dict[str, Any]:
@@ -40,7 +51,7 @@ def write_viewer(images: Images, scene: SceneInfo, rows: Sequence[Row], assets: 
     (assets / "data").mkdir(exist_ok=True)
     (assets / "thumbnails").mkdir(exist_ok=True)
     frames = []
-    for frame in shown_frames(sorted({f for row in rows for f in row.frames})):
+    for frame in chosen_frames(rows):
         entries = _Frame(images, scene, frame, assets, prefix)
         for row in rows:
             first = next((c for c, _ in row.done if c.frame == frame), None)

@@ -158,10 +158,11 @@ class _Links(HTMLParser):
         self._viewer = False
 
     def handle_data(self, data: str) -> None:
-        """Each image of a viewer has a file of floats and a thumbnail."""
+        """Each image of a viewer has a file of floats, a thumbnail, and its method's diagnostic pictures."""
         if self._viewer:
-            ids = [image["id"] for frame in json.loads(data)["frames"] for image in frame["images"]]
-            self.found += [name for id in ids for name in (f"assets/data/{id}.js", f"assets/thumbnails/{id}.png")]
+            for image in (image for frame in json.loads(data)["frames"] for image in frame["images"]):
+                self.found += [f"assets/data/{image['id']}.js", f"assets/thumbnails/{image['id']}.png"]
+                self.found += [f"assets/pictures/{picture['file']}" for picture in image.get("pictures", [])]
 
 
 def linked_files(page: str) -> list[str]:

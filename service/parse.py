@@ -22,13 +22,27 @@ def size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def frames(text: str) -> tuple[int, int]:
+def frames(text: str, option: str = "--frames") -> tuple[int, int]:
     """`A:B` as (A, B), both inclusive; `A` alone is one frame."""
     first, colon, last = text.partition(":")
     last = last if colon else first
     if not (first.isdecimal() and last.isdecimal()) or int(first) > int(last):
-        raise RequestError(f"--frames takes A:B with 0 ≤ A ≤ B, both inclusive (got {text!r})")
+        raise RequestError(f"{option} takes A:B with 0 ≤ A ≤ B, both inclusive (got {text!r})")
     return int(first), int(last)
+
+
+def references(text: str | None) -> dict[str, Any] | None:
+    """`10,0:19,40:59` as every 10th frame and two windows, `all` as every frame; None, the request's default, stays None."""
+    if text is None:
+        return None
+    parts = ["1"] if text == "all" else text.split(",")
+    every = [part for part in parts if ":" not in part]
+    if len(every) > 1 or not all(part.isdecimal() and int(part) > 0 for part in every):
+        raise RequestError(f"--references takes K,A:B,… (every K-th frame, windows of frames) or all (got {text!r})")
+    return {
+        "every": int(every[0]) if every else None,
+        "windows": [frames(part, "--references") for part in parts if ":" in part],
+    }
 
 
 def assignments(pairs: Iterable[str], option: str = "--set") -> dict[str, Any]:

@@ -10,11 +10,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.transport.penumbra.assemble import Construction, assemble
+from renderers.transport.penumbra.assemble import Construction, MapMaker, assemble
 from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S, cameras_of
 from renderers.transport.penumbra.emitters import stratified
 from renderers.transport.penumbra.functions import PenumbraMap
 from renderers.transport.penumbra.pyramid import Pyramid
+from renderers.transport.penumbra.walk import bounds_of, row_events
 
 F64 = NDArray[np.float64]
 Surface = Callable[[F64, F64], F64]
@@ -167,9 +168,31 @@ def constructed(
     pyramid = view(resolution) if pyramid is None else pyramid
     cameras = cameras_of(pyramid, points, map_resolution)
     maps = depth_of(surfaces, cameras, map_resolution)
+    return assemble(pyramid, cameras, ready(cameras, maps), how), cameras, maps
+
+
+def ready(cameras: F64, maps: NDArray[np.float32]) -> MapMaker:
+    """Maps (N, h, w) of cameras (N, CAMERA) that are there already."""
     index = {camera.tobytes(): k for k, camera in enumerate(cameras)}
-    made = assemble(pyramid, cameras, lambda part: maps[[index[c.tobytes()] for c in part]], how)
-    return made, cameras, maps
+
+    def draw(part: F64, top: NDArray[np.int64], out: NDArray[np.float32]) -> None:
+        for camera, first, band in zip(part, top, out, strict=True):
+            there = maps[index[camera.tobytes()], first : first + len(band)]
+            band.fill(np.inf)
+            band[: len(there)] = there
+
+    return MapMaker((maps.shape[1], maps.shape[2]), draw)
+
+
+def events_of_rays(
+    maps: NDArray[np.float32], cameras: F64, us: F64, vs: F64, near: float, far: float, bias: float, exact: bool
+) -> tuple[NDArray[np.float32], NDArray[np.int8], int]:
+    """Depths and signs of all events, and the steps walked."""
+    room = (np.empty(1 << 20, np.int32), np.empty(1 << 20, np.float32), np.empty(1 << 20, np.int8))
+    top = np.zeros(len(maps), np.int64)
+    count, steps = row_events(maps, *bounds_of(maps), cameras, top, us, vs, near, far, bias, exact, *room)
+    assert count >= 0
+    return room[1][:count], room[2][:count], steps
 
 
 def on_rays(pyramid: Pyramid, count: int, seed: int) -> F64:

@@ -21,6 +21,7 @@ PIXELS = "-ps 1 -pt 0 -pj 0"
 # Lights sampled at their centres, every shadow tested; no ambient light but what is computed; lights themselves invisible, since a
 # bulb would be drawn into the pixels around it.
 RAYS = "-dj 0 -ds 0 -dc 1 -dt 0 -dv- -lr 1 -av 0 0 0"
+PHOTONS = "photons.pm"
 
 
 class RadianceUnavailable(RuntimeError):
@@ -61,6 +62,18 @@ class RadianceScene:
         shared = RAYS.split(), ["-ab", str(bounces)], options.split()
         values = self._run("rtrace", "-h", "-ff", *(text for texts in shared for text in texts), "scene.oct", piped=rays)
         return np.frombuffer(values, np.float32).reshape(size[1], size[0], 3)
+
+    def trace_photons(self, photons: int, seed: int) -> Spent:
+        """Trace a global photon map of about so many stored photons with `mkpmap`, for `gathered`; what it takes."""
+        before, start = _children(), time.perf_counter()
+        self._run("mkpmap", "-fo+", "-t", "0", "-apr", str(seed), "-apg", PHOTONS, str(photons), "scene.oct")
+        return Spent(_children() - before, time.perf_counter() - start)
+
+    def gathered(self, size: tuple[int, int], options: str = "", nearest: int = 50) -> tuple[NDArray[np.float32], Spent]:
+        """Radiance (H, W, 3) with indirect light by final gathering from that map, `nearest` photons a look-up; what it takes."""
+        before, start = _children(), time.perf_counter()
+        image = self.image(size, 1, f"-ap {PHOTONS} {nearest} {options}")
+        return image, Spent(_children() - before, time.perf_counter() - start)
 
     def _run(self, program: str, *arguments: str, piped: bytes = b"") -> bytes:
         environment = {**os.environ, "RAYPATH": os.pathsep.join([".", str(self._home / "lib")])}

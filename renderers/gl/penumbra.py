@@ -1,7 +1,7 @@
 """Lookup of packed attenuation functions in a fragment shader: an index texture and a vertex texture (St-Amour 2004 §4.3).
 
 The published fixed slots (`PenumbraSlots`) make every pixel pay for the longest function; in `PenumbraTextures` each has as many
-vertices as it needs, found by a binary search. Twin, for points in free space, of `renderers.transport.penumbra.lookup`.
+vertices as it needs, found by a binary search. Twin of `renderers.transport.penumbra.lookup`, on surfaces too.
 """
 
 from __future__ import annotations
@@ -51,11 +51,31 @@ class PenumbraTextures:
         self._index.release()
         self._vertices.release()
 
-    def hidden(self, points: NDArray[np.floating], *, bilinear: bool = True) -> NDArray[np.float32]:
-        """Hidden share at points (H, W, 3) of the pyramid's frame, float32 (H, W); -1 outside of the pyramid. Raises GLError."""
-        shader = program("fullscreen.vert.glsl", "penumbra.frag.glsl", "", (f"ROW {ROW}", *(("BILINEAR",) if bilinear else ())))
+    def hidden(
+        self,
+        points: NDArray[np.floating],
+        *,
+        bilinear: bool = True,
+        normals: NDArray[np.floating] | None = None,
+        lift: float = 0.0,
+    ) -> NDArray[np.float32]:
+        """Hidden share at points (H, W, 3) of the pyramid's frame, float32 (H, W); -1 outside of the pyramid. Raises GLError.
+
+        normals (H, W, 3), same frame: points with one are read on their surface's plane, lifted by `lift`, the offset times the
+        texel of the map; zeros in free space.
+        """
+        flags = [f"ROW {ROW}"] + ["BILINEAR"] * bilinear + ["NORMALS"] * (normals is not None)
+        shader = program("fullscreen.vert.glsl", "penumbra.frag.glsl", "", tuple(flags))
         assign(shader, grid=self._grid, range=self._span)
-        return _looked_up(points, shader, {"index": self._index, "vertices": self._vertices})
+        textures = {"index": self._index, "vertices": self._vertices}
+        if normals is None:
+            return _looked_up(points, shader, textures)
+        assign(shader, lift=lift)
+        surface = _of_vectors(normals)
+        try:
+            return _looked_up(points, shader, {**textures, "normals": surface})
+        finally:
+            surface.release()
 
 
 class PenumbraSlots:
@@ -85,9 +105,7 @@ class PenumbraSlots:
 def _looked_up(points: NDArray[np.floating], shader: Any, textures: dict[str, Any]) -> NDArray[np.float32]:
     """Run a lookup shader once per point (H, W, 3), float32 (H, W)."""
     height, width = points.shape[:2]
-    four = np.zeros((height, width, 4), np.float32)
-    four[..., :3] = points
-    where = context().texture((width, height), 4, four.tobytes(), dtype="f4")
+    where = _of_vectors(points)
     target = passes.framebuffer([context().texture((width, height), 1, dtype="f4")])
     for unit, (name, texture) in enumerate({"points": where, **textures}.items()):
         texture.use(unit)
@@ -96,3 +114,11 @@ def _looked_up(points: NDArray[np.floating], shader: Any, textures: dict[str, An
     image = np.array(passes.read(target.color_attachments[0])[..., 0])
     passes.release(target, *target.color_attachments, where)
     return image
+
+
+def _of_vectors(vectors: NDArray[np.floating]) -> Any:
+    """A texture of float32 vectors (H, W, 3)."""
+    height, width = vectors.shape[:2]
+    four = np.zeros((height, width, 4), np.float32)
+    four[..., :3] = vectors
+    return context().texture((width, height), 4, four.tobytes(), dtype="f4")

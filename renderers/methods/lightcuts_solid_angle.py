@@ -11,6 +11,7 @@ conservative: r² is the distance to the node's box, the cosine a bound over the
 | vpls              | 8192             | 1    | 1 … 2²⁴                  | N, points on the surfaces                           |
 | epsilon_omega     | 0.05             | sr   | > 0                      | solid angle above which a node is opened            |
 | eps_b             | (1 % of radius)² | m²   | ≥ 0                      | clamp on the squared distance, the same as `ir`'s   |
+| visibility        | none             |      | none, raycast            | occlusion between receiver and node                 |
 | sampler           | uniform          |      | uniform, low-discrepancy | of the points                                       |
 | light_samples     | 16               | 1    | 1 … 4096                 | samples of area lights and sky, per pixel and VPL   |
 | direct_visibility | raycast          |      | raycast, shadow-map      | shadows of the direct layer                         |
@@ -34,6 +35,7 @@ from renderers.scene.world import World
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.light_tree import LightTree
+    from renderers.transport.raycast import RayCaster
 
 
 class TreeSettings(Settings):
@@ -47,19 +49,20 @@ class TreeSettings(Settings):
         source="Laurent 2018 eq. 2.19",
         ge=0,
     )
+    visibility: Literal["none", "raycast"] = setting("none", "occlusion between receiver and light", source="Laurent 2018 §2.3")
     sampler: Literal["uniform", "low-discrepancy"] = setting("uniform", "independent points or an Owen-scrambled Sobol' set")
     light_samples: int = setting(16, "samples of area lights and environment, per pixel and per virtual light", ge=1, le=4096)
     direct_visibility: Literal["raycast", "shadow-map"] = setting("raycast", "shadows of the direct layer")
 
 
 class TreeMethod(Method):
-    """Direct light plus one unoccluded bounce through a tree of virtual lights; subclasses say how a pixel walks the tree."""
+    """Direct light plus one bounce through a tree of virtual lights; subclasses say how a pixel walks the tree."""
 
     claims: ClassVar = InstantRadiosity.claims
 
     def transport(self, settings: Any) -> Transport:
-        """One bounce without occlusion of the indirect segment."""
-        return "one-bounce-unoccluded"
+        """One bounce; without occlusion of the indirect segment unless `visibility` is raycast."""
+        return "one-bounce" if settings.visibility == "raycast" else "one-bounce-unoccluded"
 
     def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
         """Fill in `eps_b` from the scene's radius."""
@@ -67,9 +70,16 @@ class TreeMethod(Method):
 
     @abstractmethod
     def _walk(
-        self, world: World, gbuffer: GBuffer, tree: LightTree, settings: Any, seed: int, counters: Counter[str]
+        self,
+        world: World,
+        gbuffer: GBuffer,
+        tree: LightTree,
+        settings: Any,
+        seed: int,
+        counters: Counter[str],
+        caster: RayCaster | None,
     ) -> NDArray[np.float32]:
-        """Light of the tree at every pixel, float32 (H, W, 3)."""
+        """Light of the tree at every pixel, float32 (H, W, 3), shadow-tested if there is a caster."""
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
@@ -79,7 +89,7 @@ class TreeMethod(Method):
             from renderers.transport.tree_gather import warm_up
             from renderers.transport.vpl import emit_vpls
 
-            caster_of(world)
+            caster = caster_of(world)
             warm_up()
         with watch("vpls"):
             vpls = emit_vpls(world, settings.vpls, context.seed, settings.sampler, settings.light_samples, counters)
@@ -95,7 +105,9 @@ class TreeMethod(Method):
             with timed(watch, "direct", "render", settings.direct_visibility == "shadow-map"):
                 direct += direct_layer(world, gbuffer, settings, seed, counters)
             with watch("cuts"):
-                indirect += self._walk(world, gbuffer, tree, settings, seed, counters)
+                indirect += self._walk(
+                    world, gbuffer, tree, settings, seed, counters, caster if settings.visibility == "raycast" else None
+                )
             counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
         layers = {"direct": (direct / k**2).astype(np.float32), "indirect": (indirect / k**2).astype(np.float32)}
         layers["beauty"] = layers["direct"] + layers["indirect"]
@@ -119,12 +131,19 @@ class SolidAngleCuts(TreeMethod):
     Settings = SolidAngleSettings
 
     def _walk(
-        self, world: World, gbuffer: GBuffer, tree: LightTree, settings: Any, seed: int, counters: Counter[str]
+        self,
+        world: World,
+        gbuffer: GBuffer,
+        tree: LightTree,
+        settings: Any,
+        seed: int,
+        counters: Counter[str],
+        caster: RayCaster | None,
     ) -> NDArray[np.float32]:
         from renderers.transport.tree_gather import gather_solid_angle
 
         area, eps_b = float(world.areas.sum()) / settings.vpls, settings.eps_b * world.scale**2
-        return gather_solid_angle(gbuffer, world, tree, area, settings.epsilon_omega, eps_b, counters)
+        return gather_solid_angle(gbuffer, world, tree, area, settings.epsilon_omega, eps_b, counters, caster)
 
 
 register(SolidAngleCuts)

@@ -8,13 +8,15 @@ light is followed through every map, its visibility changes are sorted and summe
 within epsilon. Rendering (algorithm 4.1): look V up at each pixel's surface point, bilinearly between four rays. Passes: warm-up,
 maps (build), gbuffer, direct.
 
-Extensions: exact texel traversal (walk = midpoint is the published one), in lockstep where the light is flat; up to six pyramids
-around a light instead of one; the bias that each texel's own plane needs, at most half way to the next surface; light from behind
-the receiver's plane counts once; points near the light that no pyramid covers are ray cast.
+Extensions: light points of a Hammersley set (pattern = stratified are the published ones); exact texel traversal (walk = midpoint
+is the published one), in lockstep where the light is flat; up to six pyramids around a light instead of one; the bias that each
+texel's own plane needs, at most half way to the next surface; light from behind the receiver's plane counts once, by rays where V
+alone can't tell; points near the light that no pyramid covers are ray cast.
 
 | setting        | default  | unit | range                            | meaning                                                    |
 | -------------- | -------- | ---- | -------------------------------- | ---------------------------------------------------------- |
 | samples        | 64       | 1    | 1 … 4096                         | N, points on each light, one shadow map each               |
+| pattern        | hammers… |      | hammersley, stratified           | light points of rectangles and discs                       |
 | resolution     | 256      | px   | 8 … 4096                         | pixels of a pyramid across 90°                             |
 | map_resolution | 256      | px   | 8 … 4096                         | texels across a shadow map                                 |
 | walk           | exact    |      | exact, midpoint                  | rays through shadow maps: every texel, or as published     |
@@ -26,8 +28,10 @@ the receiver's plane counts once; points near the light that no pyramid covers a
 | slope_bias     | 0.2      | r    | 0 … 1                            | largest bias of slanted surfaces in maps, in scene radii   |
 | near           | 1.0      | 1    | 0.01 … 100                       | near plane's distance from the light, in its half sizes    |
 | lights         | 8        | 1    | 1 … 64                           | brightest area lights with maps; others are ray cast       |
+| horizon        | rays     |      | rays, share                      | light partly behind the receiver's plane: shadow rays, or  |
+|                |          |      |                                  | V less the share behind                                    |
 | light_samples  | 64       | 1    | 1 … 4096                         | samples per pixel of the unshadowed light                  |
-| memory         | 1024     | MiB  | 1 … 65536                        | bound on shadow maps and events at a time                  |
+| memory         | 1024     | MiB  | 1 … 65536                        | bound on what lives at a time while it is built            |
 | subpixels      | 1        | 1    | 1 … 8                            | k: average k×k G-buffers                                   |
 """
 
@@ -68,7 +72,7 @@ class PdsmSettings(SoftShadowSettings):
         0.2, "largest additional bias of slanted surfaces, in scene radii; at most half way to the next", unit="r", ge=0, le=1
     )
     memory: int = setting(
-        1024, "bound on shadow maps and events that live at a time", unit="MiB", source="St-Amour 2004 §3.4", ge=1, le=65536
+        1024, "bound on what lives at a time while maps are built", unit="MiB", source="St-Amour 2004 §3.4", ge=1, le=65536
     )
 
 

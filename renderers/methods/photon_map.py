@@ -90,7 +90,17 @@ class PhotonMapping(Method):
 
         raycast = settings.direct == "raycast"
         layers = layered(world, settings, context, counters, indirect, "density", raycast)
-        return Frame(layers, watch.timings, dict(sorted(counters.items())), notes=photons.notes)
+        captions = add_picture(layers, world, photons, context)
+        return Frame(layers, watch.timings, dict(sorted(counters.items())), notes=photons.notes, captions=captions)
+
+
+def add_picture(layers: dict[str, Any], world: World, photons: PhotonMap, context: Context) -> dict[str, str]:
+    """Add the layer debug.photons, no part of the method's time; returns its caption."""
+    from renderers.transport.photons.picture import PHOTON_CAPTION, photon_picture
+    from renderers.transport.primary import cast_gbuffer
+
+    layers["debug.photons"] = photon_picture(world, cast_gbuffer(world, context.size), photons.photons)
+    return {"debug.photons": PHOTON_CAPTION}
 
 
 def warm_up(world: World) -> None:

@@ -27,8 +27,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Transport, register, setting
-from renderers.methods.photon_map import SOURCE, PhotonSettings, layered, traced_map, warm_up
+from renderers.methods.photon_map import SOURCE, PhotonSettings, add_picture, layered, traced_map, warm_up
 from renderers.scene.model import Scene
+from renderers.scene.world import World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
@@ -63,23 +64,32 @@ class FinalGather(Method):
         return "full"
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
-        world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
-        with watch("warm-up", "prepare"):
-            warm_up(world)
-        photons = traced_map(world, settings, context.seed, True, watch, counters)
-        with watch("irradiance"):
-            from renderers.transport.photons.density import lookup
-            from renderers.transport.photons.final_gather import final_gather, stored_irradiance
-            from renderers.transport.photons.pixels import gatherers
+        return gathered(scene.world(context.frame), settings, settings.rays, settings.nearest, settings.radius, context)
 
-            stored = stored_irradiance(world, photons, lookup(settings.nearest, settings.radius, settings.area))
 
-        def indirect(gbuffer: GBuffer, seed: int) -> F64:
-            pixels = gatherers(world, gbuffer)
-            return pixels.image(gbuffer, final_gather(world, pixels, stored, settings.rays, seed, counters))
+def gathered(world: World, settings: Any, rays: int, nearest: int, radius: float, context: Context) -> Frame:
+    """A frame by final gathering with `rays` a pixel from a map of `settings` (PhotonSettings with an `area`).
 
-        layers = layered(world, settings, context, counters, indirect, "gather")
-        return Frame(layers, watch.timings, dict(sorted(counters.items())), notes=photons.notes)
+    nearest, radius: photons of a look-up at most, and how far they may lie, in scene radii.
+    """
+    watch, counters = context.watch, Counter[str]()
+    with watch("warm-up", "prepare"):
+        warm_up(world)
+    photons = traced_map(world, settings, context.seed, True, watch, counters)
+    with watch("irradiance"):
+        from renderers.transport.photons.density import lookup
+        from renderers.transport.photons.final_gather import final_gather, stored_irradiance
+        from renderers.transport.photons.pixels import gatherers
+
+        stored = stored_irradiance(world, photons, lookup(nearest, radius, settings.area))
+
+    def indirect(gbuffer: GBuffer, seed: int) -> F64:
+        pixels = gatherers(world, gbuffer)
+        return pixels.image(gbuffer, final_gather(world, pixels, stored, rays, seed, counters))
+
+    layers = layered(world, settings, context, counters, indirect, "gather")
+    captions = add_picture(layers, world, photons, context)
+    return Frame(layers, watch.timings, dict(sorted(counters.items())), notes=photons.notes, captions=captions)
 
 
 register(FinalGather)

@@ -23,7 +23,8 @@ Passes: photons (trace), tree, records (the walk), refine, in stage prepare sinc
 | r_min, r_max  | auto, 1   | r    | > 0 … 10                     | limits of R, in scene radii; auto: 8 photons in the mean     |
 | rounds        | 1         | 1    | 1 … 4096                     | progressive refinement: so many times N_e photons            |
 | holes         | fill      |      | fill, black                  | pixels without a record                                      |
-| records       | walk      |      | walk, pixels                 | cached, or one at every pixel                                |
+| records       | walk      |      | walk, pixels, gather         | cached; one at every pixel; none: final gathering            |
+| gather_rays   | 256       | 1    | 1 … 65536                    | rays a pixel of records = gather                             |
 | light_samples | 16        | 1    | 1 … 4096                     | samples of area lights and sky per pixel                     |
 | subpixels     | 1         | 1    | 1 … 8                        | k: average k×k G-buffers, with common records                |
 """
@@ -39,7 +40,7 @@ import numpy as np
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Transport, register, setting
-from renderers.methods.photon_map import PhotonSettings, layered, traced_map
+from renderers.methods.photon_map import PhotonSettings, add_picture, layered, traced_map
 from renderers.methods.photon_map import warm_up as warm_up_photons
 from renderers.methods.rcs import albedos
 from renderers.scene.model import Scene
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from renderers.transport.photons.zones import Recipe
 
 SOURCE = "Gautron 2006 §6"
+GATHER_RADIUS = 0.1
 
 
 class PmicSettings(PhotonSettings):
@@ -83,9 +85,12 @@ class PmicSettings(PhotonSettings):
         le=4096,
     )
     holes: Literal["fill", "black"] = setting("fill", "pixels without a record: from the nearest photons, or black")
-    records: Literal["walk", "pixels"] = setting(
-        "walk", "cached records, or one at every pixel, which leaves out the interpolation's own error"
+    records: Literal["walk", "pixels", "gather"] = setting(
+        "walk",
+        "cached records; one at every pixel, which leaves out the error of interpolation; or none: final gathering from the same "
+        "photons, which leaves out that of the density estimate too",
     )
+    gather_rays: int = setting(256, "rays a pixel of records = gather", source="Jensen 1996", ge=1, le=65536)
 
 
 class PhotonMappedIrradianceCaching(Method):
@@ -107,10 +112,15 @@ class PhotonMappedIrradianceCaching(Method):
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
         world, counters = scene.world(context.frame), Counter[str]()
+        if settings.records == "gather":
+            from renderers.methods.photon_map_final_gather import gathered
+
+            return gathered(world, settings, settings.gather_rays, max(settings.knn, 2), GATHER_RADIUS, context)
         photons, cache = self.cached(world, settings, context, counters)
         layers = shown(world, photons, cache, settings, context, counters)
         notes = photons.notes + dark_notes(photons, counters)
-        return Frame(layers, context.watch.timings, dict(sorted(counters.items())), notes=notes)
+        captions = add_pictures(layers, world, photons, cache, context)
+        return Frame(layers, context.watch.timings, dict(sorted(counters.items())), notes=notes, captions=captions)
 
     def cached(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> tuple[PhotonMap, Cache]:
         """Photon map and records of a world: all that doesn't depend on the camera."""
@@ -133,10 +143,15 @@ class PhotonMappedIrradianceCaching(Method):
     def walkthrough(
         self, scene: Scene, settings: Any, cameras: Sequence[WorldCamera], *, size: tuple[int, int] = (320, 180), seed: int = 0
     ) -> list[Frame]:
-        """Frames of a static scene along a camera path, from one cache: only the first carries the timings of the stage prepare."""
+        """Frames of a static scene along a camera path, from one cache: only the first carries the timings of the stage prepare.
+
+        Raises ValueError for records = gather, which makes no cache.
+        """
         from renderers.frame import Stopwatch
 
         settings = self.Settings() if settings is None else settings
+        if settings.records == "gather":
+            raise ValueError("records = gather makes no cache to walk through")
         self.check(scene)
         world, counters = scene.world(0), Counter[str]()
         context = Context(size, seed, 0, Stopwatch())
@@ -197,6 +212,17 @@ def filled(world: World, gbuffer: GBuffer, photons: PhotonMap, rows: Any, settin
     fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, none, recipe_of(world, photons, settings), zones)
     counters["pixels_without_photons"] += int(np.count_nonzero(zones.photons == 0))
     return zones.irradiance
+
+
+def add_pictures(layers: dict[str, Any], world: World, photons: PhotonMap, cache: Cache, context: Context) -> dict[str, str]:
+    """Add the layers debug.photons and debug.records, no part of the method's time; returns their captions."""
+    from renderers.transport.photons.picture import RECORD_CAPTION, record_picture
+    from renderers.transport.primary import cast_gbuffer
+
+    captions, records = add_picture(layers, world, photons, context), cache.records
+    gbuffer = cast_gbuffer(world, context.size)
+    layers["debug.records"] = record_picture(world, gbuffer, records.position, records.normal, records.radius)
+    return captions | {"debug.records": RECORD_CAPTION}
 
 
 def dark_notes(photons: PhotonMap, counters: Counter[str]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -28,10 +28,16 @@ class SoftShadowSettings(Settings):
     """Settings of every such method."""
 
     samples: int = setting(64, "N, points on each light", source="St-Amour 2004 §3.1", ge=1, le=4096)
+    pattern: Literal["hammersley", "stratified"] = setting(
+        "hammersley", "light points of rectangles and discs: shifted Hammersley set, or one in each stratum as published"
+    )
     map_resolution: int = setting(256, "texels across a shadow map", unit="px", source="St-Amour 2004 §3.3", ge=8, le=4096)
     bias: float = setting(1e-3, "added to all stored depths, in scene radii", unit="r", source="St-Amour 2004 §3.1", ge=0, le=1)
     near: float = setting(1.0, "near plane's distance from the light, in half sizes of the light", ge=0.01, le=100)
     lights: int = setting(8, "brightest area lights so treated; the others are ray cast", ge=1, le=64)
+    horizon: Literal["rays", "share"] = setting(
+        "rays", "light partly behind a receiver's plane: shadow rays to what is before it, or V less the share behind"
+    )
     light_samples: int = setting(64, "samples per pixel of the light without shadows, and of what is ray cast", ge=1, le=4096)
 
 
@@ -72,7 +78,7 @@ class SoftShadows(Method):
             self.warm_up()
         with watch("maps", "prepare"):
             emitters = emitters_of(world)[: settings.lights]
-            points = [e.points(settings.samples, context.seed, k) for k, e in enumerate(emitters)]
+            points = [e.points(settings.samples, context.seed, k, pattern=settings.pattern) for k, e in enumerate(emitters)]
             hidden = self.prepare(world, emitters, points, settings, counters)
         total = np.zeros((context.size[1], context.size[0], 3))
         k = settings.subpixels
@@ -82,8 +88,9 @@ class SoftShadows(Method):
             with watch("direct"):
                 seed = context.seed + (index << 32)
                 total += shaded(
-                    world, gbuffer, emitters, points, hidden, settings.light_samples, seed, counters, horizon=self.horizon
-                )
+                    world, gbuffer, emitters, points, hidden, settings.light_samples, seed, counters,
+                    horizon=settings.horizon if self.horizon else "ignored",
+                )  # fmt: skip
             counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
         direct = (total / k**2).astype(np.float32)
         layers = {"direct": direct, "indirect": np.zeros_like(direct), "beauty": direct.copy()}

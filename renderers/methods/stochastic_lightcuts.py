@@ -13,6 +13,7 @@ vpls, tree, gbuffer, direct, cuts.
 | cut_size          | 32               | 1    | 1 … 4096                 | most nodes of a cut, and light samples a pixel    |
 | tolerance         | 0.02             | 1    | 0 … 1                    | nodes under this share of all bounds stay         |
 | eps_b             | (1 % of radius)² | m²   | ≥ 0                      | clamp on the squared distance, the same as `ir`'s |
+| visibility        | none             |      | none, raycast            | occlusion between receiver and light              |
 | sampler           | uniform          |      | uniform, low-discrepancy | of the points                                     |
 | light_samples     | 16               | 1    | 1 … 4096                 | samples of area lights and sky, per pixel and VPL |
 | direct_visibility | raycast          |      | raycast, shadow-map      | shadows of the direct layer                       |
@@ -33,6 +34,7 @@ from renderers.scene.world import World
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.light_tree import LightTree
+    from renderers.transport.raycast import RayCaster
 
 
 class StochasticSettings(TreeSettings):
@@ -53,12 +55,19 @@ class StochasticLightcuts(TreeMethod):
     Settings = StochasticSettings
 
     def _walk(
-        self, world: World, gbuffer: GBuffer, tree: LightTree, settings: Any, seed: int, counters: Counter[str]
+        self,
+        world: World,
+        gbuffer: GBuffer,
+        tree: LightTree,
+        settings: Any,
+        seed: int,
+        counters: Counter[str],
+        caster: RayCaster | None,
     ) -> NDArray[np.float32]:
         from renderers.transport.tree_gather import gather_stochastic
 
         eps_b = settings.eps_b * world.scale**2
-        return gather_stochastic(gbuffer, world, tree, settings.cut_size, settings.tolerance, seed, eps_b, counters)
+        return gather_stochastic(gbuffer, world, tree, settings.cut_size, settings.tolerance, seed, eps_b, counters, caster)
 
 
 register(StochasticLightcuts)

@@ -34,7 +34,7 @@ from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Settings, Transport, register, setting
 from renderers.methods.rcs import PILOT_RAYS, albedos, placement_of, warm_up
 from renderers.scene.model import Scene
-from renderers.scene.world import World
+from renderers.scene.world import World, WorldCamera
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
@@ -50,6 +50,7 @@ COUNTED = (
     "pixels_covered", "pixels_missed", "predictions", "rays", "records", "records_ahead", "records_alive", "records_deleted",
     "records_kept", "records_new", "records_renewed", "splat_tests", "splats",
 )  # fmt: skip
+CAPTION = "records of this frame; red: lives one frame, yellow: half as long as delta_max, green: delta_max frames"
 LAG = "indirect light may be off by the share a_t, and after sudden changes lag by up to delta_max frames"
 
 
@@ -148,6 +149,8 @@ class _Waiting:
     records: Timed
     open: NDArray[np.bool_]
     counters: Counter[str]
+    camera: WorldCamera
+    position: NDArray[np.float32]
 
     @property
     def settled(self) -> bool:
@@ -179,14 +182,14 @@ class _Run:
                 warm_up(self.scene.world(context.frame))
         with watch("scene"):
             stage = self._stage(context.frame, context, counters)
-        views, albedo, direct = self._seen(context, counters)
+        views, albedo, direct, position = self._seen(context, counters)
         with watch("records"):
             renewed = self.cache.step(stage, views, counters)
         _hand_over(waiting, renewed, context.frame)
         live = self.cache.live
         # a record of one frame has no trend to wait for
         unsettled = (live.life > 1) & self.interpolates
-        return _Waiting(context, views, albedo, direct, live, unsettled, counters)
+        return _Waiting(context, views, albedo, direct, live, unsettled, counters, stage.sampler.world.camera, position)
 
     def look_ahead(self, context: Context, waiting: Sequence[_Waiting]) -> None:
         """One frame past the range: successors of the records that live in its last frames, and nothing else."""
@@ -209,6 +212,8 @@ class _Run:
 
     def drawn(self, waiting: _Waiting) -> Frame:
         """The picture of a frame."""
+        from renderers.transport.temporal.overlay import overlay
+
         settings, context, counters = self.settings, waiting.context, waiting.counters
         width, height = context.size
         indirect = np.zeros((height * width, 3))
@@ -225,7 +230,11 @@ class _Run:
         layers = {"direct": waiting.direct / count, "indirect": indirect.reshape(height, width, 3) / count}
         images = {name: layer.astype(np.float32) for name, layer in layers.items()}
         images["beauty"] = images["direct"] + images["indirect"]
-        return Frame(images, context.watch.timings, dict(sorted(counters.items())))
+        timings = context.watch.timings
+        images["debug.records"] = overlay(
+            waiting.records, self.settings.delta_max, waiting.camera, waiting.position, images["indirect"]
+        )
+        return Frame(images, timings, dict(sorted(counters.items())), captions={"debug.records": CAPTION})
 
     def _stage(self, frame: int, context: Context, counters: Counter[str]) -> Stage:
         """Go to a frame: its World, and what happens between it and the next one."""
@@ -259,8 +268,8 @@ class _Run:
             return Reprojection(self.motion, sampler, later, sampler.grid, self.settings.footprints)
         return RayCast(self.motion, sampler, later)
 
-    def _seen(self, context: Context, counters: Counter[str]) -> tuple[list[View], list[Float], Float]:
-        """Views with the albedo (P, 3) of their pixels, and the sum of all views' direct light (H, W, 3)."""
+    def _seen(self, context: Context, counters: Counter[str]) -> tuple[list[View], list[Float], Float, NDArray[np.float32]]:
+        """Views, the albedo (P, 3) of their pixels, all views' direct light (H, W, 3) summed, positions (H, W, 3) of the first."""
         from renderers.transport.direct import direct, emitted
 
         assert self.motion is not None
@@ -276,7 +285,7 @@ class _Run:
                 samples = self.settings.light_samples
                 total += emitted(world, gbuffer) + direct(world, gbuffer, samples, seed, counters=counters)
             counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
-        return views, albedo, total
+        return views, albedo, total, seen[0][1].position
 
     def _views(self, world: World, size: tuple[int, int]) -> list[tuple[View, GBuffer]]:
         """Views of all sub-pixels."""

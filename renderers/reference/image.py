@@ -21,6 +21,7 @@ class Reference:
 
     total, squares float64 (H, W, 3): sum and sum of squares per channel; squares_y float64 (H, W): of luminance.
     surface bool (H, W): first hit is a surface that doesn't emit (emitters and background are left out of `noise`).
+    alternating float64 (H, W, 3): the even replicates minus the odd ones; None where sums without it were continued.
     """
 
     total: NDArray[np.float64]
@@ -34,6 +35,7 @@ class Reference:
     pixel: PixelMode
     frame: int
     notes: tuple[str, ...] = ()
+    alternating: NDArray[np.float64] | None = None
 
     @cached_property
     def image(self) -> NDArray[np.float32]:
@@ -51,6 +53,18 @@ class Reference:
         """Variance of the mean luminance, float32 (H, W)."""
         spread = self.squares_y - luminance(self.total) ** 2 / self.n
         return (np.maximum(spread, 0) / (self.n - 1) / self.n).astype(np.float32)
+
+    @cached_property
+    def noise_sample(self) -> NDArray[np.float32] | None:
+        """An image of what the mean may be off by: zero mean, and the variance of the mean, float32 (H, W, 3).
+
+        Σ (sᵢ − s̄) xᵢ / n over replicates x with signs s = +1, −1, +1, …: the same sum as the error of the mean, with signs. All
+        frames take replicate i from the same random numbers, so what is common to the errors of two frames is common to their
+        samples too. None where the alternating sum isn't known.
+        """
+        if self.alternating is None:
+            return None
+        return ((self.alternating - self.n % 2 * self.total / self.n) / self.n).astype(np.float32)
 
     @cached_property
     def noise(self) -> float:

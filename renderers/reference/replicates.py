@@ -121,8 +121,8 @@ def _prepared(world: World, parts: dict[str, str], radius: float | None) -> tupl
     if is_lit(world, transport):
         draw, surface = _traced(world, transport, (width, height), int(parts["spp"]), parts["pixel"] == "centre", radius)
     return draw, Reference(
-        total=black, squares=black, squares_y=black[..., 0], surface=surface, n=0, spp=int(parts["spp"]), scene_hash=parts["scene"],
-        transport=transport, pixel=parts["pixel"], frame=int(parts["frame"]),  # type: ignore[arg-type]
+        total=black, squares=black, squares_y=black[..., 0], alternating=black, surface=surface, n=0, spp=int(parts["spp"]),
+        scene_hash=parts["scene"], transport=transport, pixel=parts["pixel"], frame=int(parts["frame"]),  # type: ignore[arg-type]
     )  # fmt: skip
 
 
@@ -163,6 +163,7 @@ def _with_replicate(reference: Reference, mean: NDArray[np.float64]) -> Referenc
         total=reference.total + mean,
         squares=reference.squares + mean**2,
         squares_y=reference.squares_y + luminance(mean) ** 2,
+        alternating=None if reference.alternating is None else reference.alternating + (-1) ** reference.n * mean,
         n=reference.n + 1,
         notes=(),
     )

@@ -26,6 +26,7 @@ from renderers.reference.image import PixelMode, Reference
 # Raised with every change of the estimators, the export or the seeding: stored references of another version are never continued.
 INTEGRATOR_VERSION = 1
 SUMS = ("total", "squares", "squares_y", "surface")
+SINCE = ("alternating",)  # sums that older files of the same version don't hold
 
 
 def identity(
@@ -54,6 +55,7 @@ def load(folder: Path, parts: dict[str, str]) -> Reference | None:
     try:
         with open(folder / f"{key_of(parts)}.npz", "rb") as stream, np.load(stream, allow_pickle=False) as file:
             sums = {name: file[name] for name in SUMS}
+            sums |= {name: file[name] for name in SINCE if name in file}
             n = int(file["n"])
             stored = json.loads(str(file["identity"]))
     except (FileNotFoundError, zipfile.BadZipFile, EOFError, KeyError, ValueError):
@@ -81,7 +83,7 @@ def save(folder: Path, parts: dict[str, str], reference: Reference) -> Path:
         return picture
     layers = {"mean": reference.image, "variance": reference.variance, "luminance_variance": reference.luminance_variance}
     _replace(picture, lambda path: write_exr(path, layers, default="mean", n=str(reference.n), **parts))
-    sums = {name: getattr(reference, name) for name in SUMS}
+    sums = {name: value for name in (*SUMS, *SINCE) if (value := getattr(reference, name)) is not None}
     _replace(
         folder / f"{key}.npz",
         lambda path: np.savez(path, n=np.int64(reference.n), identity=np.array(json.dumps(parts)), allow_pickle=False, **sums),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from numpy.typing import NDArray
 
 from renderers.scene.model import Node, Scene, SceneError
 
 F64 = NDArray[np.float64]
+_BOUNDS: WeakKeyDictionary[Scene, tuple[F64, float]] = WeakKeyDictionary()
 
 
 def rotation_matrix(quaternion: tuple[float, float, float, float]) -> F64:
@@ -56,11 +59,24 @@ def _ancestors(nodes: tuple[Node, ...], start: int, done: dict[int, F64]) -> lis
     return chain
 
 
+def animated_nodes(scene: Scene) -> NDArray[np.bool_]:
+    """Which nodes an animation moves, themselves or an ancestor, bool (N,)."""
+    own = {channel.index for channel in scene.channels if channel.target == "node"}
+    return np.array([not own.isdisjoint(_ancestors(scene.nodes, index, {})) for index in range(len(scene.nodes))], np.bool_)
+
+
 def rest_bounds(scene: Scene) -> tuple[F64, float]:
     """Centre (3,) and half diagonal in metres of the unanimated geometry's bounding box; (0, 1) for an empty scene.
 
-    Only vertices that a triangle uses count. A half diagonal that leaves float64 comes back infinite.
+    Only vertices that a triangle uses count. A half diagonal that leaves float64 comes back infinite. Reckoned once for each Scene.
     """
+    if scene not in _BOUNDS:
+        _BOUNDS[scene] = _bounds(scene)
+        _BOUNDS[scene][0].setflags(write=False)
+    return _BOUNDS[scene]
+
+
+def _bounds(scene: Scene) -> tuple[F64, float]:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     boxes = [_corners(mesh.positions[mesh.triangles.reshape(-1)]) for mesh in scene.meshes]
     with np.errstate(over="ignore", invalid="ignore"):

@@ -12,20 +12,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.scene.geometry import crosses, degenerate
+from renderers.scene.geometry import crosses
 from renderers.scene.model import (
     GGX,
-    Color,
     DirectionalLight,
     DiscLight,
     Environment,
     Lambert,
     Material,
-    Mesh,
     Phong,
     PointLight,
     Scene,
@@ -34,7 +33,7 @@ from renderers.scene.model import (
     SpotLight,
     Texture,
 )
-from renderers.scene.shapes import disc, sphere
+from renderers.scene.placed import Part, Still, joined_triangles, lamp_material, lamp_mesh, still_of, unit
 from renderers.scene.transforms import global_matrices, local_matrix, rest_bounds, rotation_matrix
 
 __all__ = [
@@ -184,33 +183,39 @@ class World:
         return max(float(depth.min()) * 0.999, far * 1e-4), far
 
 
+_SHARED: WeakKeyDictionary[World, tuple[Still, NDArray[np.bool_]]] = WeakKeyDictionary()
+
+
 def flatten(scene: Scene, frame: int) -> World:
     """World of `scene` at `frame`. Raises SceneError for a scene without geometry or camera."""
     centre, radius = rest_bounds(scene)
     posed = scene.at(frame)
     matrices = global_matrices(posed.nodes)
     materials = list(posed.materials)
-    parts: list[_Part] = []
+    parts: list[Part] = []
     lights: list[WorldLight] = []
     scale = 1.0 / radius
-    for node, matrix in zip(posed.nodes, matrices, strict=True):
-        parts += [_placed(posed.meshes[index], matrix, centre, scale) for index in node.meshes]
+    still, moves = still_of(scene), list[bool]()
+    for number, (node, matrix) in enumerate(zip(posed.nodes, matrices, strict=True)):
+        for k, index in enumerate(node.meshes):
+            parts.append(still.placed(number, k, posed.meshes[index], matrix, centre, scale))
         light = None if node.light is None else posed.lights[node.light]
         if isinstance(light, DiscLight | SphereLight):
-            parts.append(_placed(_surface(light, len(materials)), matrix, centre, scale))
-            materials.append(_emitter(light))
+            parts.append(still.placed(number, len(node.meshes), lamp_mesh(light, len(materials)), matrix, centre, scale))
+            materials.append(lamp_material(light))
         elif light is not None:
             lights.append(_placed_light(light, matrix, centre, scale))
+        moves += [bool(still.moving[number])] * (len(parts) - len(moves))
     if not any(len(part.triangles) for part in parts):
         raise SceneError(f"{scene.name}: scene has no geometry")
     positions = np.concatenate([p.positions for p in parts])
     if not np.isfinite(positions).all():
         raise SceneError(f"{scene.name}: frame {frame}: positions are not finite")
-    return World(
+    world = World(
         positions=positions,
         normals=np.concatenate([p.normals for p in parts]),
         uvs=np.concatenate([p.uvs for p in parts]),
-        triangles=_joined_triangles(parts),
+        triangles=joined_triangles(parts),
         material=np.concatenate([np.full(len(p.triangles), p.material, np.int32) for p in parts]),
         instance=np.concatenate([np.full(len(p.triangles), i, np.int32) for i, p in enumerate(parts)]),
         materials=_table(materials),
@@ -221,65 +226,21 @@ def flatten(scene: Scene, frame: int) -> World:
         centre=centre,
         scale=scale,
     )
+    if scene.channels:
+        _SHARED[world] = still, ~np.array(moves)
+    return world
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """One placed mesh in World coordinates."""
+def shared_with_other_frames(world: World) -> tuple[Still, NDArray[np.bool_]] | None:
+    """One object for all frames of the World's animated Scene, and which instances stand still in all of them, bool (I,).
 
-    positions: F32
-    normals: F32
-    uvs: F32
-    triangles: I32
-    material: int
-
-
-def _placed(mesh: Mesh, matrix: F64, centre: F64, scale: float) -> _Part:
-    linear = matrix[:3, :3]
-    positions = ((mesh.positions.astype(np.float64) @ linear.T + matrix[:3, 3] - centre) * scale).astype(np.float32)
-    triangles = mesh.triangles.astype(np.int32)
-    # Normals turn with the cofactor matrix det(M) · M⁻ᵀ, which exists for flattened and vanished instances as well: its columns are
-    # cross products of those of M. A mirror turns the winding round, so that the front stays in front.
-    a, b, c = linear.T
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    mirrored = float(a @ np.cross(b, c)) < 0
-    turned = mesh.normals.astype(np.float64) @ (-cofactors if mirrored else cofactors).T
-    if mirrored:
-        triangles = triangles[:, ::-1]
-    # what has no area in normalised float32 (an instance scaled to nothing) can't be seen and has no normal
-    triangles = np.ascontiguousarray(triangles[~degenerate(positions, triangles)])
-    uvs = np.zeros((len(positions), 2), np.float32) if mesh.uvs is None else mesh.uvs
-    return _Part(positions, _unit(turned).astype(np.float32), uvs, triangles, mesh.material)
-
-
-def _unit(vectors: F64) -> F64:
-    """Unit vectors (N, 3), float64; zero ones, of instances without volume or area, become +Y."""
-    largest = np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
-    safe = np.where(largest > 0, vectors / np.where(largest > 0, largest, 1.0), [0.0, 1.0, 0.0])
-    return np.asarray(safe / np.linalg.norm(safe, axis=1, keepdims=True))
-
-
-def _surface(light: DiscLight | SphereLight, material: int) -> Mesh:
-    positions, normals, triangles = disc(light.radius) if isinstance(light, DiscLight) else sphere(light.radius)
-    return Mesh(light.name, positions, normals, triangles, material)
-
-
-def _emitter(light: DiscLight | SphereLight) -> Lambert:
-    red, green, blue = light.color
-    emission: Color = (red * light.intensity, green * light.intensity, blue * light.intensity)
-    return Lambert(light.name, albedo=(0.0, 0.0, 0.0), emission=emission, double_sided=False)
-
-
-def _joined_triangles(parts: list[_Part]) -> I32:
-    base, joined = 0, []
-    for part in parts:
-        joined.append(part.triangles + np.int32(base))
-        base += len(part.positions)
-    return np.concatenate(joined)
+    None for a World of a Scene without animation, and for one that `flatten` didn't make.
+    """
+    return _SHARED.get(world)
 
 
 def _placed_light(light: PointLight | SpotLight | DirectionalLight, matrix: F64, centre: F64, scale: float) -> WorldLight:
-    direction = -_unit(matrix[None, :3, 2])[0]
+    direction = -unit(matrix[None, :3, 2])[0]
     position = (matrix[:3, 3] - centre) * scale
     intensity = np.array(light.color, np.float64) * light.intensity
     if isinstance(light, DirectionalLight):
@@ -319,7 +280,7 @@ def _camera(scene: Scene, matrices: list[F64], centre: F64, scale: float) -> Wor
 
 def _rigid(linear: F64) -> F64:
     """Right-handed orthonormal axes (3, 3): view axis and up of a camera's node, cleared of scale, shear and mirroring."""
-    back = _unit(linear[None, :, 2])[0]
+    back = unit(linear[None, :, 2])[0]
     up = linear[:, 1] - (linear[:, 1] @ back) * back
     if not np.linalg.norm(up) > 1e-9 * np.linalg.norm(linear):
         raise SceneError("camera: its node's scale leaves no direction to look in")

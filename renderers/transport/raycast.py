@@ -8,7 +8,8 @@ that ray alone, hence not on the number of threads.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from copy import copy
+from typing import Any, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,13 +17,17 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import ArrayLike, NDArray
 
-from renderers.scene.world import World
+from renderers.scene.placed import Still
+from renderers.scene.world import World, shared_with_other_frames
 from renderers.transport.threads import chunks, in_threads
 
 OFFSET = 1e-4
 CHUNK = 1 << 16
 CACHED_WORLDS = 4
 FAR = np.float32(1e30)
+HIT = ("tfar", "u", "v")
+K = TypeVar("K")
+V = TypeVar("V")
 
 
 class Hits(NamedTuple):
@@ -37,13 +42,32 @@ class Hits(NamedTuple):
     v: NDArray[np.float32]
 
 
-class RayCaster:
-    """Embree's view of one World. Build it with `caster_of`, which keeps it as long as the World lives."""
+class _Tree:
+    """Embree's tree over some of a World's triangles; index int32 (T,): their numbers, None for all."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, index: NDArray[np.int32] | None = None) -> None:
+        self.index = index
         self._scene = EmbreeScene(robust=True)
-        vertices = np.ascontiguousarray(world.positions, np.float32)
-        self._mesh = TriangleMesh(self._scene, vertices, np.ascontiguousarray(world.triangles, np.int32))
+        vertices, triangles = world.positions, world.triangles
+        if index is not None:
+            vertices, triangles = _compact(vertices, triangles[index])
+        vertices, triangles = np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(triangles, np.int32)
+        self._mesh = TriangleMesh(self._scene, vertices, triangles)
+        # Embree builds the tree when the first ray comes; it belongs to the preparation, not to the pass of that ray
+        self.run(*np.ones((2, 1, 3), np.float32), query="OCCLUDED")
+
+    def run(self, *rays: NDArray[np.float32], **options: Any) -> Any:
+        return self._scene.run(*rays, **options)
+
+
+class RayCaster:
+    """Embree's view of one World. Build it with `caster_of`, which keeps it as long as the World lives.
+
+    Where some of an animated scene stands still, that has a tree of its own, which all frames share.
+    """
+
+    def __init__(self, world: World, still: _Tree | None = None, moving: _Tree | None = None) -> None:
+        self._trees = [tree for tree in (still, moving) if tree is not None] or [_Tree(world)]
 
     def first_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
         """Closest hits along rays; origins, directions (N, 3), directions of any length. Callers move origins off surfaces."""
@@ -52,11 +76,13 @@ class RayCaster:
         hits = Hits(np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32), np.zeros(n, np.float32))
 
         def cast(part: slice) -> None:
-            found = self._scene.run(o[part], d[part], output=1)
-            hit = found["primID"] >= 0
-            hits.triangle[part] = found["primID"]
-            for target, key in ((hits.t, "tfar"), (hits.u, "u"), (hits.v, "v")):
-                target[part] = np.where(hit, found[key], 0)
+            for tree in self._trees:
+                found = tree.run(o[part], d[part], output=1)
+                number = found["primID"]
+                nearer = (number >= 0) & ((hits.triangle[part] < 0) | (found["tfar"] < hits.t[part]))
+                own = number[nearer] if tree.index is None else tree.index[number[nearer]]
+                for target, values in ((hits.triangle, own), *((t, found[k][nearer]) for t, k in zip(hits[1:], HIT, strict=True))):
+                    target[part][nearer] = values
 
         in_threads(cast, chunks(n, CHUNK))
         return hits
@@ -69,7 +95,7 @@ class RayCaster:
         reach = np.minimum(np.broadcast_to(np.asarray(distances, np.float32), (n,)), FAR)
 
         def cast(part: slice) -> None:
-            blocked[part] = self._scene.run(o[part], d[part], np.ascontiguousarray(reach[part]), query="OCCLUDED") == 0
+            blocked[part] = self.occluded_unthreaded(o[part], d[part], np.ascontiguousarray(reach[part]))
 
         in_threads(cast, chunks(n, CHUNK))
         return blocked
@@ -78,22 +104,58 @@ class RayCaster:
         self, origins: NDArray[np.float32], directions: NDArray[np.float32], distances: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """`occluded` in the calling thread, for callers that run their own threads; C-contiguous float32 arrays."""
-        if not len(origins):
-            return np.zeros(0, bool)
-        return np.asarray(self._scene.run(origins, directions, distances, query="OCCLUDED") == 0)
+        blocked = np.zeros(len(origins), bool)
+        if len(origins):
+            for tree in self._trees:
+                blocked |= np.asarray(tree.run(origins, directions, distances, query="OCCLUDED") == 0)
+        return blocked
 
 
 _CASTERS: WeakKeyDictionary[World, RayCaster] = WeakKeyDictionary()
+_STILL: WeakKeyDictionary[Still, _Tree] = WeakKeyDictionary()
 
 
 def caster_of(world: World) -> RayCaster:
     """The World's RayCaster, built once; at most CACHED_WORLDS are kept, and none longer than its World."""
     caster = _CASTERS.get(world)
     if caster is None:
-        while len(_CASTERS) >= CACHED_WORLDS:
-            _CASTERS.pop(next(iter(_CASTERS)))
-        caster = _CASTERS[world] = RayCaster(world)
+        caster = _kept(_CASTERS, world, _caster(world))
     return caster
+
+
+def _caster(world: World) -> RayCaster:
+    """One tree, or that of all that stands still in an animated scene, kept as long as the scene lives, and one of the rest."""
+    shared = shared_with_other_frames(world)
+    if shared is None or not shared[1].any():
+        return RayCaster(world)
+    still, stands = shared
+    standing = stands[world.instance]
+    index = np.flatnonzero(standing).astype(np.int32)
+    if not len(index):
+        return RayCaster(world)
+    tree = _STILL.get(still)
+    if tree is None:
+        tree = _kept(_STILL, still, _Tree(world, index))
+    # the order of a tree's triangles stays, but their numbers change where moving ones before them lose their area
+    own = copy(tree)
+    own.index = index
+    rest = np.flatnonzero(~standing).astype(np.int32)
+    return RayCaster(world, own, _Tree(world, rest) if len(rest) else None)
+
+
+def _kept(cache: WeakKeyDictionary[K, V], key: K, value: V) -> V:
+    """Put a value into a cache of at most CACHED_WORLDS, and answer it."""
+    while len(cache) >= CACHED_WORLDS:
+        cache.pop(next(iter(cache)))
+    cache[key] = value
+    return value
+
+
+def _compact(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """The vertices that triangles use, and the triangles counting those."""
+    used = np.zeros(len(vertices), bool)
+    used[triangles] = True
+    return vertices[used], (np.cumsum(used) - 1)[triangles].astype(np.int32)
 
 
 def off_surface(points: ArrayLike, normals: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:

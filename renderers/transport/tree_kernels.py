@@ -72,15 +72,22 @@ def solid_angle_cut(  # type: ignore[no-untyped-def]
     roots,
     area,
     threshold,
+    begin,
+    end,
+    places,
+    listed,
+    factors,
     eps_b,
     out,
     work,
 ):
-    """out (P, 3) += light of each pixel's cut; work (P, 2) int64: nodes of the cut, nodes visited.
+    """out (P, 3) += light of each pixel's cut, pixels begin … end-1; work (P, 2) int64: nodes of the cut, nodes visited.
 
     A node of k lights has area k · `area`; it is opened while area · cos θ_y / r² may exceed `threshold` somewhere in it.
+    With places (P+1,) nothing is lit: the nodes of pixel i go to listed[places[i]:], and 1 to `factors` (see `add_listed`).
     """
-    for i in numba.prange(len(x)):
+    for i in numba.prange(begin, end):
+        work[i, 0] = work[i, 1] = 0
         stack = np.empty(DEPTH, np.int32)
         for root in roots:
             stack[0] = root
@@ -95,9 +102,29 @@ def solid_angle_cut(  # type: ignore[no-untyped-def]
                     height += 2
                     continue
                 work[i, 0] += 1
+                if len(places):
+                    place = places[i] + work[i, 0] - 1
+                    listed[place], factors[place] = node, 1.0
+                    continue
                 add_light(
                     x[i], n[i], view[i], kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i],
                     position[node], normal[node], intensity[node], 1.0, eps_b, out[i],
+                )  # fmt: skip
+
+
+@numba.njit(parallel=True, cache=True)
+def add_listed(  # type: ignore[no-untyped-def]
+    x, n, view, kind, base, specular, exponent, metallic, alpha, position, normal, intensity,
+    begin, end, places, listed, factors, eps_b, out,
+):  # fmt: skip
+    """out (P, 3) += light of the listed nodes of pixels begin … end-1, times their factors; -1 stands for none."""
+    for i in numba.prange(begin, end):
+        for k in range(places[i], places[i + 1]):
+            node = listed[k]
+            if node >= 0:
+                add_light(
+                    x[i], n[i], view[i], kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i],
+                    position[node], normal[node], intensity[node], factors[k], eps_b, out[i],
                 )  # fmt: skip
 
 
@@ -167,6 +194,11 @@ def stochastic_cut(  # type: ignore[no-untyped-def]
     cut_size,
     tolerance,
     seed,
+    begin,
+    end,
+    places,
+    listed,
+    factors,
     eps_b,
     out,
     work,
@@ -174,8 +206,9 @@ def stochastic_cut(  # type: ignore[no-untyped-def]
     """out (P, 3) += one sampled light of each node of each pixel's cut, over its probability; work (P, 2): nodes cut, visited.
 
     The node of the greatest error bound is split until there are cut_size nodes or all bounds are below tolerance · their sum.
+    Pixels and lists as in `solid_angle_cut`; factors are 1 over the probability.
     """
-    for i in numba.prange(len(x)):
+    for i in numba.prange(begin, end):
         cut, error = np.empty(cut_size + len(roots), np.int32), np.empty(cut_size + len(roots))
         size, total = len(roots), 0.0
         for k in range(size):
@@ -199,7 +232,9 @@ def stochastic_cut(  # type: ignore[no-untyped-def]
         for k in range(size):
             u = float(mixed(key + np.uint64(cut[k])) >> np.uint64(11)) * 2.0**-53
             leaf, probability = sampled_leaf(x[i], n[i], cut[k], u, box, cone, intensity, right, eps_b)
-            if leaf >= 0:
+            if len(places):
+                listed[places[i] + k], factors[places[i] + k] = leaf, 1.0 / probability
+            elif leaf >= 0:
                 add_light(
                     x[i], n[i], view[i], kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i],
                     position[leaf], normal[leaf], intensity[leaf], 1.0 / probability, eps_b, out[i],

@@ -127,9 +127,12 @@ const luxmeter = (() => {
         return element("label", {}, label, this[name]);
       };
       const bar = element("div", { class: "bar" });
-      const frame = select("frame", "frameSelect", (v) => this.useFrame(Number(v)));
-      this.data.frames.forEach((f, k) => this.frameSelect.append(element("option", { value: k }, f.frame)));
-      frame.hidden = this.data.frames.length < 2;
+      const last = this.data.frames.length - 1;
+      this.frameSlider = element("input", { type: "range", name: "frame", min: "0", max: String(last), step: "1", value: "0" });
+      this.frameSlider.addEventListener("input", () => this.useFrame(Number(this.frameSlider.value)));
+      this.frameText = element("output", { class: "frame" });
+      const frame = element("label", {}, "frame", this.frameSlider, this.frameText);
+      frame.hidden = last < 1;
       bar.append(frame, select("A", "aSelect", (v) => this.choose(v)), select("B", "bSelect", (v) => this.choose(this.state.a, v)));
       const modes = element("span", { class: "modes", role: "group", "aria-label": "Mode" });
       this.modeButtons = MODES.map(([mode, name]) => {
@@ -153,6 +156,8 @@ const luxmeter = (() => {
 
     useFrame(index) {
       this.state.frame = index;
+      this.frameText.textContent = this.data.frames[index].frame;
+      this.frameSlider.setAttribute("aria-valuetext", `frame ${this.data.frames[index].frame}`);
       const entries = this.data.frames[index].images;
       const before = (select) => select.selectedOptions[0]?.textContent;
       const labels = [before(this.aSelect), before(this.bSelect)];

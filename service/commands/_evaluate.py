@@ -13,7 +13,7 @@ from jobs import evaluate as carry_out
 from jobs.errors import RequestError
 from jobs.store import Store
 from service import parse
-from service.options import Force, Frames, Json, MaxSeconds, Memory, Out, Quiet, Size, Timeout, in_bytes
+from service.options import Force, Frames, Json, MaxSeconds, Memory, Out, Quiet, References, Size, Timeout, in_bytes
 from service.output import check_free, console, print_json, staged
 from service.progress import evaluation_progress
 
@@ -27,6 +27,7 @@ def evaluate(
     seeds: Annotated[int, typer.Option(help="Seeds 0 … N-1; two or more give intervals.")] = 1,
     size: Size = "320x180",
     frames: Frames = "0:0",
+    references: References = None,
     noise: Annotated[float, typer.Option(help="Wanted relative noise of the references.")] = 0.01,
     repeats: Annotated[int, typer.Option(min=1, max=100, help="Timed renders of each cell; timings are medians.")] = 1,
     max_seconds: MaxSeconds = None,
@@ -37,7 +38,9 @@ def evaluate(
     json: Json = False,
 ) -> int:
     """Render every method on every scene, compare with path-traced references and write OUT/index.html."""
-    request = build(scene, method, settings or [], sweep or [], size=size, seeds=seeds, frames=frames, noise=noise)
+    request = build(
+        scene, method, settings or [], sweep or [], size=size, seeds=seeds, frames=frames, references=references, noise=noise
+    )
     planned = plan(request)
     check_free(out, force=force)
     Store().check_writable()
@@ -69,6 +72,7 @@ def build(
     size: str,
     seeds: int,
     frames: str,
+    references: str | None,
     noise: float,
 ) -> EvaluationRequest:
     """The request that the options say. Raises RequestError in one line."""
@@ -85,7 +89,7 @@ def build(
     return parse.request(
         {
             "scenes": scenes, "methods": list(wanted.values()), "size": parse.size(size), "seeds": seeds,
-            "frames": parse.frames(frames), "noise": noise,
+            "frames": parse.frames(frames), "references": parse.references(references), "noise": noise,
         }
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ import typer
 
 from jobs.errors import RequestError
 from service.commands._evaluate import build
-from service.options import Force, Frames, Json, Out, Quiet, Size
+from service.options import Force, Frames, Json, Out, Quiet, References, Size
 from service.output import console, print_json, print_table, staged
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def submit(
     seeds: Annotated[int, typer.Option(help="Seeds 0 … N-1; two or more give intervals.")] = 1,
     size: Size = "320x180",
     frames: Frames = "0:0",
+    references: References = None,
     noise: Annotated[float, typer.Option(help="Wanted relative noise of the references.")] = 0.01,
     priority: Annotated[int, typer.Option(min=0, max=9, help="0 comes first.")] = 5,
     wait: Annotated[bool, typer.Option("--wait", help="Come back when it has ended.")] = False,
@@ -38,7 +39,9 @@ def submit(
     json: Json = False,
 ) -> int:
     """Submit an evaluation to a service; prints its id. Exit code 1 where --wait is given and cells failed."""
-    request = build(scene, method, settings or [], sweep or [], size=size, seeds=seeds, frames=frames, noise=noise)
+    request = build(
+        scene, method, settings or [], sweep or [], size=size, seeds=seeds, frames=frames, references=references, noise=noise
+    )
     with connect(server, token) as client:
         named = [_uploaded(client, text) for text in scene]
         document = client.submit(request.model_dump(mode="json") | {"scenes": named, "priority": priority})

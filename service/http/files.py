@@ -14,7 +14,7 @@ from service.http.problems import Problem
 CHUNK = 256 * 1024
 TYPES = {
     "html": "text/html; charset=utf-8", "css": "text/css; charset=utf-8", "js": "text/javascript; charset=utf-8",
-    "svg": "image/svg+xml", "png": "image/png", "json": "application/json", "csv": "text/csv; charset=utf-8",
+    "svg": "image/svg+xml", "png": "image/png", "webp": "image/webp", "json": "application/json", "csv": "text/csv; charset=utf-8",
     "txt": "text/plain; charset=utf-8", "parquet": "application/vnd.apache.parquet", "exr": "image/x-exr",
 }  # fmt: skip
 DEFAULT_TYPE = "application/octet-stream"

@@ -7,7 +7,7 @@ import pytest
 
 import renderers
 from renderers.methods.ir import InstantRadiosity, IrSettings
-from renderers.methods.lightcuts_solid_angle import SolidAngleCuts, SolidAngleSettings
+from renderers.methods.lightcuts_solid_angle import SolidAngleCuts, SolidAngleSettings, TreeMethod, TreeSettings
 from renderers.methods.stochastic_lightcuts import StochasticLightcuts, StochasticSettings
 from renderers.transport.light_tree import build
 from renderers.transport.primary import cast_gbuffer
@@ -34,6 +34,29 @@ def test_a_cut_of_leaves_is_instant_radiosity(scene: str) -> None:
     ours = indirect(SolidAngleCuts(), scene, SolidAngleSettings(vpls=500, epsilon_omega=1e-9))
     theirs = indirect(InstantRadiosity(), scene, IrSettings(vpls=500))
     np.testing.assert_allclose(ours, theirs, rtol=3e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("scene", ["thin-wall", "cornell-glossy"])
+@pytest.mark.parametrize(
+    ("method", "settings"),
+    [
+        (SolidAngleCuts(), SolidAngleSettings(vpls=500, epsilon_omega=1e-9, visibility="raycast")),
+        (StochasticLightcuts(), StochasticSettings(vpls=500, cut_size=4096, tolerance=0, visibility="raycast")),
+    ],
+)
+def test_a_cut_of_leaves_with_shadow_rays_is_instant_radiosity_with_them(
+    monkeypatch: pytest.MonkeyPatch, method: TreeMethod, settings: TreeSettings, scene: str
+) -> None:
+    """Both test all pairs that face one another; rays that graze an edge may end otherwise in the other's roundings."""
+    monkeypatch.setattr("renderers.transport.tree_gather.PAIRS", 5000)  # lists of some ten pixels at a time
+    ours = indirect(method, scene, settings)
+    theirs = indirect(InstantRadiosity(), scene, IrSettings(vpls=500, visibility="raycast"))
+    open_ = indirect(InstantRadiosity(), scene, IrSettings(vpls=500))
+    off = np.abs(ours - theirs).max(axis=-1) > 1e-4 * theirs.max(axis=-1) + 1e-7
+    assert off.mean() < 0.03
+    np.testing.assert_allclose(ours.mean(), theirs.mean(), rtol=2e-3)
+    assert theirs.mean() < 0.95 * open_.mean()
+    assert method.transport(settings) == "one-bounce"
 
 
 def test_error_and_work_of_the_cut_follow_the_solid_angle() -> None:

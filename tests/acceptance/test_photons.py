@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from scipy.special import comb
 
 import renderers
+from renderers.images import read_exr
 from renderers.scene.builder import SceneBuilder, look_rotation
 from renderers.scene.builtin.solids import box, flipped
 from renderers.scene.model import (
@@ -28,8 +29,10 @@ from renderers.transport.direct import irradiance as direct_irradiance
 from renderers.transport.photons.density import Points, irradiance, lookup
 from renderers.transport.photons.hull import CORRECTED, DISC, hull_area, sampled_area
 from renderers.transport.photons.map import PhotonMap, photon_map
+from renderers.transport.photons.picture import photon_picture, pixels_of, record_picture
 from renderers.transport.photons.tracing import Photons, trace
 from renderers.transport.photons.zones import Recipe, Zones, fill_zones
+from renderers.transport.primary import cast_gbuffer
 
 RNG = np.random.default_rng(20061)
 
@@ -317,6 +320,46 @@ def test_saved_map_comes_back_in_scene_units(tmp_path) -> None:  # type: ignore[
     metres = traced.photons.position / world.scale + world.centre
     assert np.abs(table[["position_x", "position_y", "position_z"]].to_numpy() - metres).max() < 1e-5
     assert table["flux_x"].sum() * world.scale**2 == pytest.approx(total(traced.photons)[0], rel=1e-4)
+
+
+def test_photons_saved_as_exr_are_those_saved_as_parquet(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    import pandas as pd
+
+    world = renderers.load_scene("cornell-box").world()
+    photons = photon_map(trace(world, 2000, seed=1))
+    photons.save(tmp_path / "photons.parquet", world)
+    photons.save(tmp_path / "photons.exr", world)
+    table, (layers, about) = pd.read_parquet(tmp_path / "photons.parquet"), read_exr(tmp_path / "photons.exr")
+    assert (int(about["stored"]), int(about["emitted"])) == (len(table), 2000)
+    for name in ("position", "direction", "flux", "normal"):
+        flat = layers[name].reshape(-1, 3)
+        assert (flat[: len(table)] == table[[f"{name}_{c}" for c in "xyz"]].to_numpy()).all()
+        assert not flat[len(table) :].any()
+    for name in ("distance", "bounce", "triangle"):
+        assert (layers[name].ravel()[: len(table)] == table[name].to_numpy()).all()
+    with pytest.raises(ValueError, match=r"\.parquet or \.exr"):
+        photons.save(tmp_path / "photons.csv", world)
+
+
+def test_pictures_show_photons_and_records_where_they_lie() -> None:
+    """Points put on the surfaces that pixels see are found at those pixels; turned away, behind the eye or hidden, nowhere."""
+    world = renderers.load_scene("cornell-box").world()
+    gbuffer = cast_gbuffer(world, (24, 18))
+    rows = np.flatnonzero(gbuffer.covered)
+    position, normal = gbuffer.position.reshape(-1, 3)[rows], gbuffer.normal.reshape(-1, 3)[rows]
+    assert (pixels_of(world, gbuffer, position, normal) == rows).all()
+    assert (pixels_of(world, gbuffer, position, -normal) == -1).all()
+    assert (pixels_of(world, gbuffer, gbuffer.eye + 2 * (gbuffer.eye - position), -normal) == -1).all()
+    assert (pixels_of(world, gbuffer, gbuffer.eye + 1.1 * (position - gbuffer.eye), normal) == -1).all()
+    radius = np.linspace(0.1, 1.0, 2)
+    image = record_picture(world, gbuffer, position[[0, -1]], normal[[0, -1]], radius).reshape(-1, 3)
+    assert image[rows[0]].tolist() == [0, 0, 1]
+    assert image[rows[-1]].tolist() == [1, 0, 0]
+    photons = photon_map(trace(world, 5000, seed=1)).photons
+    picture = photon_picture(world, gbuffer, photons)
+    lit = np.unique(pixels_of(world, gbuffer, photons.position, photons.normal))
+    assert (np.flatnonzero(picture.max(axis=2)) == lit[lit >= 0]).all()
+    assert picture.max() == 1
 
 
 @pytest.mark.mitsuba

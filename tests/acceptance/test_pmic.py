@@ -346,6 +346,24 @@ def test_every_pixel_its_own_record_and_holes_black() -> None:
     assert np.count_nonzero(black.layers["indirect"]) < np.count_nonzero(filled.layers["indirect"])
 
 
+def test_gathering_is_that_of_the_peer_and_makes_no_cache() -> None:
+    scene = photon_box()
+    settings = PmicSettings(photons=20_000, records="gather", gather_rays=4)
+    ours = METHOD.render(scene, settings, size=(16, 12), seed=3)
+    peer = renderers.get_method("photon-map-final-gather")
+    theirs = peer.render(scene, peer.Settings(photons=20_000, rays=4), size=(16, 12), seed=3)
+    assert ours.layers["indirect"].tobytes() == theirs.layers["indirect"].tobytes()
+    assert "records" not in ours.counters
+    with pytest.raises(ValueError, match="no cache"):
+        METHOD.walkthrough(scene, settings, [scene.world().camera], size=(16, 12))
+
+
+def test_diagnostic_pictures_hold_photons_and_records() -> None:
+    frame = METHOD.render(photon_box(), PmicSettings(photons=20_000), size=(24, 18))
+    assert set(frame.captions) == {"debug.photons", "debug.records"}
+    assert all(frame.layers[name].max() > 0.5 for name in frame.captions)
+
+
 def test_points_know_curved_surfaces() -> None:
     world = renderers.load_scene("cornell-box").world()
     assert (points(world, np.zeros((3, 3)), np.zeros((3, 3)), np.arange(3)).slab == 0.02).all()

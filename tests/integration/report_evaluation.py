@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from jobs.comparing import Comparison, ReferenceImage
 from renderers.images import luminance, write_exr
-from reports import compare, noise_floor
 from reports.folder import Cell, Evaluation, ReferenceInfo, SceneInfo
 from reports.results import Result
 
@@ -49,8 +49,11 @@ def make(
     failing: frozenset[tuple[int, int]] = frozenset(),
     size: tuple[int, int] = (WIDTH, HEIGHT),
     noise: float = 0.004,
+    compared: frozenset[int] | None = None,
 ) -> Path:
-    """Write an evaluation folder; `failing` holds (scene, method) indices whose cells failed. Returns the folder."""
+    """Write an evaluation folder; `failing` holds (scene, method) indices whose cells failed, `compared` the frames with references
+    (None: all). Returns the folder.
+    """
     for name in ("results", "images", "references"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(1)
@@ -68,9 +71,10 @@ def make(
                 aliasing={"rmse": 5.9, "ssim": 0.981, "over_2pct": 0.024},
             )
         )
+        comparisons: dict[tuple[int, int], Comparison] = {}
         for frame in range(frames):
             stored = {}
-            for transport in ("one-bounce", "full"):
+            for transport in ("one-bounce", "full") if compared is None or frame in compared else ():
                 mean = truth(s, frame, transport, size)
                 variance = (noise * mean) ** 2
                 mean = (mean + noise * mean * rng.standard_normal(mean.shape[:2])[..., None]).astype(np.float32)
@@ -105,11 +109,10 @@ def make(
                         layers["debug.light-paths"] = np.clip(image, 0, 1)
                         captions["caption.debug.light-paths"] = "where <virtual> lights lie"
                     write_exr(folder / "images" / f"{cell_id}.exr", layers, default="beauty", **captions)
-                    metrics, floors = {}, {}
-                    for against, key in (("matched", transport), ("full", "full")):
-                        reference = stored[key]
-                        metrics[against] = compare(image, reference["mean"], exposure, reference["luminance_variance"], REPLICATES)
-                        floors[against] = noise_floor(reference["mean"], reference["variance"], exposure)
+                    comparison = comparisons.setdefault((m, seed), Comparison(exposure))
+                    roles = {"matched": transport, "full": "full"} if stored else {}
+                    own = {role: ReferenceImage(**stored[key], n=REPLICATES) for role, key in roles.items()}
+                    metrics, floors = comparison.frame(frame, image, own)
                     wall = seconds * (1 + 0.05 * seed) * (1 + 0.2 * s)
                     result = Result(
                         scene=scene, scene_hash=infos[-1].hash, method=method, label=label, settings=settings,
@@ -118,7 +121,8 @@ def make(
                             {"name": "warm", "wall_s": 9.0, "cpu_s": 9.0, "gpu_s": None, "calls": 1, "stage": "prepare"},
                             {"name": "shade", "wall_s": wall, "cpu_s": 1.8 * wall, "gpu_s": None, "calls": 1, "stage": "render"},
                         ],
-                        counters={"rays": 1000 * (m + 1) * size[0] * size[1]} | ({"vpls_lit": 900 * m} if method == "ir" else {}),
+                        counters={"rays": 1000 * (m + 1) * size[0] * size[1] + frame}
+                        | ({"vpls_lit": 900 * m} if method == "ir" else {}),
                         approximations=["glossy: diffuse at the source"] if method == "ir" else [],
                         frame_hash=hashlib.sha256(image.tobytes()).hexdigest(), peak_rss_bytes=300 << 20, device=DEVICE,
                         versions={"luxmeter": "0.1.0", "numpy": np.__version__}, started="2026-01-02T03:04:05Z",

@@ -18,7 +18,7 @@ from jobs.evaluate import Event
 from jobs.process import Limits, run_task
 from jobs.store import Store
 from jobs.tasks import PilotTask, ReferenceTask, RenderTask
-from renderers.images import display_values, write_exr
+from renderers.images import display_values, read_exr, write_exr
 from reports.folder import Evaluation, ReferenceInfo, read
 
 pytestmark = [pytest.mark.usefixtures("toy_methods"), pytest.mark.gl]
@@ -170,3 +170,29 @@ def test_a_report_that_fails_loses_no_result(
     assert "report: ValueError: no ink" in capsys.readouterr().err
     assert len(list((out / "results").iterdir())) == 1
     assert "Traceback" in next((out / "logs").iterdir()).read_text()
+
+
+def test_a_sequence_is_compared_where_it_has_references(tmp_path: Path) -> None:
+    wanted = {"name": "flat", "settings": {"level": 0.1}}
+    evaluation(tmp_path, methods=[wanted], frames=(0, 6), references={"every": 5, "windows": [(1, 2)]})
+    stored, results = read(tmp_path / "out")
+    rows = [results[cell.id] for cell in stored.cells]
+    assert [row.frame for row in rows if row.metrics] == [0, 1, 2, 5]
+    assert all(row.timings and row.frame_hash for row in rows)
+    # The truth stands still while the test's level is 0.1, 0.2, 0.3: its flicker is its own change.
+    shown = [float(display_values(np.float32([0.1 * (1 + k)]), 1.0)[0]) for k in range(3)]
+    assert [row.metrics["matched"].get("flicker") for row in rows if row.metrics] == [
+        None, pytest.approx(shown[1] - shown[0], rel=1e-5), pytest.approx(shown[2] - shown[1], rel=1e-5), None,
+    ]  # fmt: skip
+    assert rows[1].metrics["full"]["flicker_linear"] == pytest.approx(0.1 / 0.75, rel=1e-5)
+    assert 0 < (rows[1].noise_floor["matched"]["flicker"] or 0) < 0.001
+    assert {info.frame for info in stored.references} == {0, 1, 2, 5}
+
+
+def test_a_method_with_state_renders_the_frames_between_references_too(tmp_path: Path) -> None:
+    evaluation(tmp_path, methods=[{"name": "tally"}], frames=(2, 6), references={"every": 4})
+    images = [read_exr(tmp_path / "out" / "images" / f"cornell-box.tally.s0.f000{k}.exr")[0]["beauty"] for k in range(2, 7)]
+    assert [float(image[0, 0, 0]) for image in images] == [1, 2, 3, 4, 5]
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "white: eight frames or more" in page
+    assert "2 compared" in page

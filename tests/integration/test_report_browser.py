@@ -166,6 +166,45 @@ def test_diagnostic_pictures_stand_under_the_image_they_belong_to(page: Any) -> 
     assert pictures.count() == 0
 
 
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = make(tmp_path_factory.mktemp("sequence"), methods=3, frames=7, compared=frozenset({0, 1, 2, 5}))
+    reports.write(made)
+    return made
+
+
+def test_a_slider_walks_through_the_compared_frames(browser: Any, sequence: Path) -> None:
+    opened = browser.new_page(viewport={"width": 1280, "height": 900})
+    opened.goto((sequence / "index.html").as_uri())
+    open_viewer(opened)
+    slider, shown = opened.locator("#s0 input[name=frame]"), opened.locator("#s0 output.frame")
+    assert [shown.inner_text(), slider.get_attribute("max")] == ["0", "3"]
+    slider.focus()
+    for expected in ("1", "2", "5"):
+        opened.keyboard.press("ArrowRight")
+        assert shown.inner_text() == expected
+    opened.wait_for_function("document.querySelector('#s0 .pictures img').src.endsWith('-f5.light-paths.png')")
+    assert opened.locator("#s0 select[name=aSelect]").input_value().endswith("-f5")
+    opened.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_sequence_fits_a_telephone(browser: Any, sequence: Path, scheme: str) -> None:
+    opened = browser.new_page(viewport={"width": 360, "height": 800}, color_scheme=scheme)
+    opened.goto((sequence / "index.html").as_uri())
+    widths = opened.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+    assert widths[0] <= widths[1]
+    pictures = opened.locator(".panels img, .preview img, .worst img")
+    assert pictures.count() == 4 + 1 + 3 * 3
+    for index in range(pictures.count()):
+        pictures.nth(index).scroll_into_view_if_needed()
+        drawn = pictures.nth(index).evaluate("async i => { await i.decode(); return [i.naturalWidth, i.currentSrc]; }")
+        assert drawn[0] > 0
+        assert drawn[1].endswith(".svg") == (index < 4)
+        assert index >= 4 or drawn[1].endswith(f"-{scheme}.svg")
+    opened.close()
+
+
 def test_zoom_keeps_the_probed_pixel_in_place(page: Any) -> None:
     canvas = open_viewer(page)
     page.locator("#s0 [data-mode=flip]").click()

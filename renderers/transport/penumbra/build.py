@@ -18,7 +18,9 @@ from renderers.transport.penumbra.depth import depth_maps
 from renderers.transport.penumbra.emitters import Emitter
 from renderers.transport.penumbra.functions import PenumbraMap
 from renderers.transport.penumbra.lockstep import aligned_cameras
-from renderers.transport.penumbra.pyramid import Pyramid, pyramids_around
+from renderers.transport.penumbra.plan import PART
+from renderers.transport.penumbra.pyramid import PIECE, Pyramid, pyramids_around
+from renderers.transport.threads import chunks
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -86,7 +88,10 @@ def pyramids_of(world: World, emitter: Emitter, points: F64, resolution: int, ne
     """Pyramids around `emitter` that hold all other geometry; parameters as in `build`."""
     others = np.ones(len(world.triangles), bool)
     others[emitter.triangles] = False
-    geometry = world.positions[np.unique(world.triangles[others])].astype(np.float64)
+    used = np.zeros(len(world.positions), bool)
+    for piece in chunks(len(others), PIECE):
+        used[world.triangles[piece][others[piece]]] = True
+    geometry = world.positions[used]
     if not len(geometry):
         return []
     return pyramids_around(
@@ -157,20 +162,38 @@ def map_maker(
     pyramid: Pyramid, corners: NDArray[np.floating], shape: tuple[int, int], texels: float = 0.0, pixels: float = 0.0,
     limit: float = 0.0, cover: F64 | None = None,
 ) -> MapMaker:  # fmt: skip
-    """Makes shadow maps float32 (N, *shape) of World triangles (T, 3, 3) for cameras; the rest as in `depth_maps`, opaque by
-    default.
-    """
-    local = pyramid.local(corners)
-    ahead = (local[:, :, 2] > 0).any(axis=1)
-    local = np.ascontiguousarray(local[ahead])
-    kept = np.tile([1.0, 0.0], (len(local), 1)) if cover is None else cover[ahead]
+    """Draws shadow maps of World triangles (T, 3, 3) for cameras; the rest as in `depth_maps`, opaque by default."""
+    local, kept = _before(pyramid, corners, cover)
 
-    def make(cameras: F64) -> F32:
-        maps = np.empty((len(cameras), *shape), np.float32)
-        depth_maps(local, kept, np.ascontiguousarray(cameras), maps, texels, pixels, limit)
-        return maps
+    def draw(cameras: F64, top: NDArray[np.int64], out: F32) -> None:
+        spare = np.empty((2, *out.shape), np.float32)
+        depth_maps(local, kept, np.ascontiguousarray(cameras), top, out, spare, texels, pixels, limit)
 
-    return make
+    return MapMaker(shape, draw, local.nbytes + corners.nbytes + 2 * kept.nbytes)
+
+
+def _before(pyramid: Pyramid, corners: NDArray[np.floating], cover: F64 | None) -> tuple[F64, F64]:
+    """Triangles with a corner before the apex, in the pyramid's frame, and their cover; in pieces, so that little else exists."""
+    pieces = chunks(len(corners), PIECE)
+    ahead = [(pyramid.local(corners[piece])[:, :, 2] > 0).any(axis=1) for piece in pieces]
+    local = np.empty((sum(int(a.sum()) for a in ahead), 3, 3))
+    kept = np.tile([1.0, 0.0], (len(local), 1))
+    first = 0
+    for piece, keep in zip(pieces, ahead, strict=True):
+        last = first + int(keep.sum())
+        local[first:last] = pyramid.local(corners[piece])[keep]
+        if cover is not None:
+            kept[first:last] = cover[piece][keep]
+        first = last
+    return local, kept
+
+
+def drawn(maps: MapMaker, cameras: F64) -> F32:
+    """Whole shadow maps float32 (N, h, w) of cameras (N, CAMERA)."""
+    out = np.empty((len(cameras), *maps.shape), np.float32)
+    for part in chunks(len(cameras), PART):
+        maps.draw(cameras[part], np.zeros(len(cameras[part]), np.int64), out[part])
+    return out
 
 
 @cache

@@ -27,28 +27,30 @@ FRONT = 1e-7
 
 
 @numba.njit(parallel=True, cache=True)
-def depth_maps(corners, cover, cameras, maps, texels, pixels, limit):  # type: ignore[no-untyped-def]
+def depth_maps(corners, cover, cameras, top, maps, spare, texels, pixels, limit):  # type: ignore[no-untyped-def]
     """Fill maps float32 (N, h, w) with depth D + b_s along each camera's axis, inf where nothing is hit.
 
     corners float64 (T, 3, 3): casters, pyramid's frame. cover float64 (T, 2): opacity, and a shift of ranks. cameras (N, CAMERA).
-    texels = c_S; pixels = c_P Δu_P, tangent units; limit: largest b_s, World units (0: plain depth). A triangle of opacity α is in
-    the maps whose rank + shift, less its whole part, is below α: in α N of them (stochastic opacity).
+    top int64 (N,): rows of each camera's window above those of `maps`. spare float32 (2, N, h, w): room to work in. texels = c_S;
+    pixels = c_P Δu_P, tangent units; limit: largest b_s, World units (0: plain depth). A triangle of opacity α is in the maps whose
+    rank + shift, less its whole part, is below α: in α N of them (stochastic opacity).
     """
     for i in numba.prange(len(cameras)):
-        first = maps[i]
+        first, slope, second = maps[i], spare[0, i], spare[1, i]
         first.fill(np.inf)
-        slope, second = np.zeros_like(first), np.full_like(first, np.inf)
+        slope.fill(0.0)
+        second.fill(np.inf)
         p, e = np.empty((3, 3)), np.empty((3, 3))
         for t in range(len(corners)):
             if (cameras[i, RANK] + cover[t, 1]) % 1.0 >= cover[t, 0]:
                 continue
-            _rasterize(corners[t], cameras[i], first, second, slope, texels, pixels, p, e)
+            _rasterize(corners[t], cameras[i], top[i], first, second, slope, texels, pixels, p, e)
         if limit > 0:
             _add_bias(first, second, slope, limit)
 
 
 @numba.njit(nogil=True, cache=True)
-def _rasterize(corners, camera, depth, second, slope, texels, pixels, p, e):  # type: ignore[no-untyped-def]
+def _rasterize(corners, camera, top, depth, second, slope, texels, pixels, p, e):  # type: ignore[no-untyped-def]
     """One triangle into one map; p, e (3, 3): room for its corners in the camera's frame, and its edges."""
     for k in range(3):
         x, y, z = corners[k, 0] - camera[S], corners[k, 1] - camera[S + 1], corners[k, 2] - camera[S + 2]
@@ -56,11 +58,11 @@ def _rasterize(corners, camera, depth, second, slope, texels, pixels, p, e):  # 
             p[k, r] = camera[3 * r] * x + camera[3 * r + 1] * y + camera[3 * r + 2] * z
     if p[0, 2] <= FRONT and p[1, 2] <= FRONT and p[2, 2] <= FRONT:
         return
-    columns = _bounds(p, 0, camera[U0], camera[DU], depth.shape[1])
-    if columns[0] >= columns[1]:
-        return
-    rows = _bounds(p, 1, camera[V0], camera[DV], depth.shape[0])
+    rows = _bounds(p, 1, camera[V0], camera[DV], top, depth.shape[0])
     if rows[0] >= rows[1]:
+        return
+    columns = _bounds(p, 0, camera[U0], camera[DU], 0, depth.shape[1])
+    if columns[0] >= columns[1]:
         return
     for k in range(3):
         a, b = (k + 1) % 3, (k + 2) % 3
@@ -73,22 +75,27 @@ def _rasterize(corners, camera, depth, second, slope, texels, pixels, p, e):  # 
     if det < 0:
         det = -det
         e *= -1.0
-    _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels)
+    _fill(columns, rows, e, det, camera, top, depth, second, slope, texels, pixels)
 
 
 @numba.njit(inline="always")
-def _bounds(p, axis, start, step, size):  # type: ignore[no-untyped-def]
-    """Range of texels whose centres can lie on the triangle, along one axis; all of them where it reaches the camera's plane."""
+def _bounds(p, axis, start, step, base, size):  # type: ignore[no-untyped-def]
+    """Range of texels, of those base … base + size - 1, whose centres can lie on the triangle along one axis; all of them where it
+    reaches the camera's plane.
+    """
     if p[0, 2] <= FRONT or p[1, 2] <= FRONT or p[2, 2] <= FRONT:
-        return 0, size
+        return base, base + size
     a, b, c = p[0, axis] / p[0, 2], p[1, axis] / p[1, 2], p[2, axis] / p[2, 2]
     low, high = (min(a, b, c) - start) / step - 0.5, (max(a, b, c) - start) / step - 0.5
     # a thousandth of a texel for rounding; min and max before int: far out of the window a float does not fit one
-    return int(np.ceil(min(max(low - 1e-3, 0.0), float(size)))), int(np.floor(max(min(high + 1e-3, size - 1.0), -1.0))) + 1
+    end = base + size
+    return int(np.ceil(min(max(low - 1e-3, float(base)), float(end)))), int(
+        np.floor(max(min(high + 1e-3, end - 1.0), base - 1.0))
+    ) + 1
 
 
 @numba.njit(inline="always")
-def _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels):  # type: ignore[no-untyped-def]
+def _fill(columns, rows, e, det, camera, top, depth, second, slope, texels, pixels):  # type: ignore[no-untyped-def]
     du, dv = camera[DU], camera[DV]
     nx, ny, nz = e[0, 0] + e[1, 0] + e[2, 0], e[0, 1] + e[1, 1] + e[2, 1], e[0, 2] + e[1, 2] + e[2, 2]
     # depth of the camera over the apex, for pixels of the pyramid seen from this camera
@@ -104,13 +111,13 @@ def _fill(columns, rows, e, det, camera, depth, second, slope, texels, pixels): 
             if across <= 0:
                 continue
             z = np.float32(det / across)
-            if z < depth[y, x]:
-                second[y, x], depth[y, x] = depth[y, x], z
+            if z < depth[y - top, x]:
+                second[y - top, x], depth[y - top, x] = depth[y - top, x], z
                 wide = pixels * max((z + ahead) / z, 0.0)
                 lean = abs(nx) * (texels * du + wide) + abs(ny) * (texels * dv + wide)
-                slope[y, x] = z * lean / (across - lean) if across > lean else np.inf
-            elif z < second[y, x]:
-                second[y, x] = z
+                slope[y - top, x] = z * lean / (across - lean) if across > lean else np.inf
+            elif z < second[y - top, x]:
+                second[y - top, x] = z
 
 
 @numba.njit(nogil=True, cache=True)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.scene.world import World
-from renderers.transport.penumbra.build import by_face, casters_of, map_maker, pyramids_of
+from renderers.transport.penumbra.build import by_face, casters_of, drawn, map_maker, pyramids_of
 from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S, cameras_of
 from renderers.transport.penumbra.emitters import Emitter
 from renderers.transport.penumbra.pyramid import Pyramid
@@ -51,7 +51,7 @@ class FilteredMaps:
         for pyramid in self._pyramids:
             cameras = cameras_of(pyramid, pyramid.local(points), resolution)
             extent = np.abs(pyramid.local(light)[:, :2]).max(axis=0)
-            maps = map_maker(pyramid, corners, (resolution, resolution))(cameras)
+            maps = drawn(map_maker(pyramid, corners, (resolution, resolution)), cameras)
             self._parts.append((cameras, maps if prefilter is None else prefilter(pyramid, cameras, maps), extent))
             counters["shadow_maps"] += len(cameras)
 

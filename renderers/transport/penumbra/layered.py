@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.scene.world import World
-from renderers.transport.penumbra.build import Filter, by_face, casters_of, map_maker, pyramids_of
+from renderers.transport.penumbra.build import Filter, by_face, casters_of, drawn, map_maker, pyramids_of
 from renderers.transport.penumbra.cameras import DU, DV, U0, V0, S, cameras_of
 from renderers.transport.penumbra.emitters import Emitter
 from renderers.transport.penumbra.lookup import UNCOVERED
@@ -66,7 +66,7 @@ class LayeredLight:
         corners = casters_of(world, emitter)
         for pyramid in pyramids_of(world, emitter, points, resolution, near):
             cameras = cameras_of(pyramid, pyramid.local(points), map_resolution)
-            maps = map_maker(pyramid, corners, (map_resolution, map_resolution))(cameras)
+            maps = drawn(map_maker(pyramid, corners, (map_resolution, map_resolution)), cameras)
             self._maps.append(LayeredMap(pyramid, cameras, maps, tolerance))
             counters["shadow_maps"] += len(cameras)
             counters["layers"] += len(self._maps[-1].depth)

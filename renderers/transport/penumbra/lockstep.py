@@ -70,23 +70,22 @@ def aligned_cameras(pyramid: Pyramid, points: ArrayLike, resolution: int) -> tup
 
 
 def interleaved(maps: F32, grid: Grid) -> F32:
-    """Maps (N, h, w) as (N, h, fine, w / fine), so that texels of neighbouring pixels are neighbours."""
+    """Maps (N, h, w) as (N, h, fine, w / fine), a view: there, texels of neighbouring pixels are neighbours."""
     n, h, w = maps.shape
-    return np.ascontiguousarray(maps.reshape(n, h, w // grid.fine, grid.fine).transpose(0, 1, 3, 2))
+    return maps.reshape(n, h, w // grid.fine, grid.fine).transpose(0, 1, 3, 2)
 
 
 @numba.njit(nogil=True, cache=True)
-def tile_events(maps, cameras, us, vs, near, far, bias, coarse):  # type: ignore[no-untyped-def]
-    """Events of a few rows of the pyramid in all maps: pixel int32 (row · W + column), z float32, sign int8 (E,), steps walked.
+def tile_events(maps, cameras, top, us, vs, near, far, bias, coarse, pixel, z, sign):  # type: ignore[no-untyped-def]
+    """Events of a few rows of the pyramid in all maps: fills pixel int32 (row · W + column), z float32, sign int8 and returns how
+    many there are, -1 if they don't fit; and the steps walked.
 
-    maps float32 (N, h, m, w / m), `interleaved`; cameras float64 (N, CAMERA) of one Grid; us (W,), vs (rows,): tangents of the
-    pixel centres; near, far, bias: World units; coarse: pixels a texel.
+    maps float32 (N, h, m, w / m), `interleaved`; cameras float64 (N, CAMERA) of one Grid; top int64 (N,): rows of each window above
+    its map; us (W,), vs (rows,): tangents of the pixel centres; near, far, bias: World units; coarse: pixels a texel.
     """
     columns = len(us)
     lanes = -(-columns // coarse) + LANES
     state, changed = np.zeros(lanes, np.int32), np.zeros(LANES, np.int32)
-    size = 2 * columns * len(vs) + 64
-    pixel, z, sign = np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.int8)
     count, walked = 0, 0
     for i in range(len(maps)):
         for row in range(len(vs)):
@@ -102,11 +101,10 @@ def tile_events(maps, cameras, us, vs, near, far, bias, coarse):  # type: ignore
                     qx = (ix + edge_x - ax) / bx if bx != 0 else -np.inf
                     qy = (iy + edge_y - ay) / by if by != 0 else -np.inf
                     q_next = min(max(qx, qy, q_out), q)
-                    if count + 2 * rays > size:
-                        size = 2 * size + 2 * rays
-                        pixel, z, sign = _longer(pixel, size), _longer(z, size), _longer(sign, size)
+                    if count + 2 * rays > len(pixel):
+                        return -1, walked
                     fine = maps.shape[2]
-                    line = maps[i, iy, ix % fine][ix // fine :]
+                    line = maps[i, iy - top[i], ix % fine][ix // fine :]
                     here = (row * columns + phase, coarse, rays)
                     count = _step(line, state, changed, here, min(1 / q, far), min(1 / q_next, far), bias, pixel, z, sign, count)
                     walked += rays
@@ -117,7 +115,7 @@ def tile_events(maps, cameras, us, vs, near, far, bias, coarse):  # type: ignore
                     if qy >= qx:
                         iy += step_y
                     q = q_next
-    return pixel[:count].copy(), z[:count].copy(), sign[:count].copy(), walked
+    return count, walked
 
 
 @numba.njit(inline="always")
@@ -163,10 +161,3 @@ def _step(line, state, changed, here, z_in, z_out, bias, pixel, z, sign, count):
                 pixel[count], z[count], sign[count] = first + ray * every, min(max(d + bias, z_in), z_out), 1
                 count += 1
     return count
-
-
-@numba.njit(nogil=True, cache=True)
-def _longer(array, size):  # type: ignore[no-untyped-def]
-    longer = np.empty(size, array.dtype)
-    longer[: len(array)] = array
-    return longer

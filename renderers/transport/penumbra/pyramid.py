@@ -14,7 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from renderers.transport.threads import chunks
+
 F64 = NDArray[np.float64]
+# vertices and triangles that are brought into another frame at a time
+PIECE = 4096
 # rows of the rotation in terms of the light's tangents and normal (x, y, z): front, four sides (their v grows along z), back
 FACES = np.array(
     [
@@ -66,7 +70,7 @@ class Pyramid:
 
 
 def pyramids_around(
-    apex: F64, frame: F64, points: F64, geometry: F64, resolution: int, near: float, *, one_sided: bool
+    apex: F64, frame: F64, points: F64, geometry: NDArray[np.floating], resolution: int, near: float, *, one_sided: bool
 ) -> list[Pyramid]:
     """The pyramids that a light needs: those faces of its cube that hold geometry, each tight around it.
 
@@ -77,7 +81,9 @@ def pyramids_around(
     found = []
     for index, face in enumerate(FACES[:5] if one_sided else FACES):
         rotation = face @ frame
-        local = (geometry - apex) @ rotation.T
+        local = np.empty((len(geometry), 3))
+        for piece in chunks(len(geometry), PIECE):
+            local[piece] = (geometry[piece] - apex) @ rotation.T
         foremost = max(float(((points - apex) @ rotation.T)[:, 2].max()), 0.0)
         low, high = _window(local, half=one_sided and index > 0)
         far = float(local[:, 2].max()) * 1.001

@@ -40,38 +40,43 @@ def compress_row(start, depth, value, method, epsilon, scale, budget):  # type: 
 
 
 @numba.njit(nogil=True, cache=True)
-def reduce_tile(pixels, pixel, z, sign, samples, merge, method, epsilon, scale, budget):  # type: ignore[no-untyped-def]
-    """Events (E,) of some pixels, in any order, to packed functions: counts int64 (pixels,), depth, value float32 (M,).
+def sorted_keys(pixel, z, sign, place, keys):  # type: ignore[no-untyped-def]
+    """Put events (E,) to the others of their pixel: place int64 (pixels,) is where each pixel's next one goes in keys uint32.
 
-    An event is sorted as one integer: the bits of a positive float rise with it, and its sign fills the freed bit.
+    An event is one integer: the bits of a positive float rise with it, and its sign fills the freed bit.
     """
-    start = np.zeros(pixels + 1, np.int64)
-    for p in pixel:
-        start[p + 1] += 1
-    longest = start.max() if len(pixel) else 0
-    start = np.cumsum(start)
-    place = start[:-1].copy()
-    bits, keys = z.view(np.uint32), np.empty(len(z), np.uint32)
+    bits = z.view(np.uint32)
     for k in range(len(z)):
         keys[place[pixel[k]]] = (bits[k] << np.uint32(1)) | np.uint32(sign[k] > 0)
         place[pixel[k]] += 1
-    counts = np.zeros(pixels, np.int64)
-    depth, value = np.empty(2 * len(z) + 2, np.float32), np.empty(2 * len(z) + 2, np.float32)
+
+
+@numba.njit(nogil=True, cache=True)
+def functions(start, keys, first, samples, merge, method, epsilon, scale, budget, counts, depth, value):  # type: ignore[no-untyped-def]
+    """Packed functions of the pixels from `first` on, as many as fit into depth, value float32 (at least one does): fills counts
+    int64 (pixels,); returns the first pixel that is left and the number of vertices.
+
+    start (pixels + 1,): where each pixel's events are in keys uint32 (`sorted_keys`), in any order.
+    """
+    pixels = len(start) - 1
+    longest = (start[1:] - start[:-1]).max()
     step_z, step_v = np.empty(2 * longest + 2), np.empty(2 * longest + 2)
     out_z, out_v = np.empty(2 * longest + 4), np.empty(2 * longest + 4)
     total = 0
-    for p in range(pixels):
+    for p in range(first, pixels):
         own = keys[start[p] : start[p + 1]]
         own.sort()
         n = accumulate(own, samples, merge, step_z, step_v)
         m = compress(step_z, step_v, n, method, epsilon, scale, out_z, out_v)
         if budget > 0 and m > budget:
             m = fitted(step_z, step_v, n, method, epsilon, scale, budget, out_z, out_v)
+        if total + m > len(depth):
+            return p, total
         for k in range(m):
             depth[total + k], value[total + k] = out_z[k], out_v[k]
         counts[p] = m
         total += m
-    return counts, depth[:total].copy(), value[:total].copy()
+    return pixels, total
 
 
 @numba.njit(nogil=True, cache=True)

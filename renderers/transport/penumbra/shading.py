@@ -1,9 +1,10 @@
 """Direct light with a hidden share per area light: C = Σ_e C_e (1 - V_e), C_e the light of emitter e without shadows.
 
 The separation is the source's (St-Amour 2004 §4.1): V weighs all parts of a light alike, where the truth weighs them with the
-cosines and the distance. Parts behind the receiver's plane weigh nothing in C_e, and are taken out of V as well. Points that no map
-covers get V from shadow rays to the same light points; punctual lights, the environment, and area lights beyond those asked for are
-ray cast altogether.
+cosines and the distance. Parts behind the receiver's plane weigh nothing in C_e, and are taken out of V as well: exactly that
+share, which needs a V that contains all of it, or by shadow rays to the points before the plane. Points that no map covers get V
+from shadow rays to the same light points; punctual lights, the environment, and area lights beyond those asked for are ray cast
+altogether.
 """
 
 from __future__ import annotations
@@ -11,14 +12,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from renderers.gbuffer import GBuffer
 from renderers.scene.world import MaterialTable, World
-from renderers.transport.direct import direct, emitted, receivers_of
+from renderers.transport.direct import Receivers, direct, emitted, receivers_of
 from renderers.transport.penumbra.emitters import Emitter
 from renderers.transport.raycast import OFFSET, RayCaster, caster_of, off_surface
 from renderers.transport.threads import chunks
@@ -27,6 +29,8 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 # hidden(k, positions, normals) is the share of emitter k hidden from surface points (P, 3), float (P,), -1 where it can't tell
 Hidden = Callable[[int, F64, F64], F32]
+# light behind the receiver's plane: shadow rays to what is before it, V less its share, or nothing is done about it
+Horizon = Literal["rays", "share", "ignored"]
 RAYS = 1 << 18
 
 
@@ -40,13 +44,13 @@ def shaded(
     seed: int,
     counters: Counter[str],
     *,
-    horizon: bool = True,
+    horizon: Horizon = "rays",
 ) -> F32:
     """Emission, background and direct light, float32 (H, W, 3).
 
     points: light points (N, 3) of each emitter, for shadow rays where `hidden` answers -1. light_samples: per pixel, for the light
-    without shadows and for what is ray cast. horizon: `hidden` counts light points behind the receiver's plane, too. counters: adds
-    `rays` and `points_ray_cast`.
+    without shadows and for what is ray cast. horizon: as in `before_plane`. counters: adds `rays`, `points_ray_cast` and, of these,
+    `points_at_horizon`.
     """
     image = emitted(world, gbuffer)
     handled = np.concatenate([e.triangles for e in emitters]) if emitters else np.zeros(0, np.int64)
@@ -58,25 +62,44 @@ def shaded(
         free = direct(shining(world, emitter.triangles), gbuffer, light_samples, seed, "none").reshape(-1, 3)
         rows = np.flatnonzero(free.any(axis=1))
         receivers = receivers_of(world, gbuffer, rows)
-        share = np.array(hidden(k, receivers.position, _towards(receivers.geometric, receivers.normal)), np.float64)
-        missing = np.flatnonzero(share < 0)
-        share[missing] = cast_hidden(world, emitter, points[k], receivers.position[missing], receivers.geometric[missing], counters)
-        cast = slice(None) if horizon else missing
-        share[cast] = before_horizon(share[cast], receivers.position[cast], receivers.normal[cast], points[k])
+        whole = hidden(k, receivers.position, _towards(receivers.geometric, receivers.normal))
+        share = before_plane(world, emitter, points[k], receivers, whole, horizon, counters)
         flat[rows] += free[rows] * (1 - share)[:, None]
-        counters["points_ray_cast"] += len(missing)
     return image
 
 
-def before_horizon(share: F64, positions: F64, normals: F64, points: F64) -> F64:
-    """Hidden share (P,) of those light points (N, 3) that are before the receivers' planes, from the share of all of them.
+def before_plane(
+    world: World, emitter: Emitter, points: F64, receivers: Receivers, share: ArrayLike, horizon: Horizon, counters: Counter[str]
+) -> F64:
+    """Hidden share (P,) of the light points (N, 3) that are before the receivers' planes, from the share (P,) of all of them.
+
+    horizon: `rays` casts shadow rays where some points are behind the plane and neither none nor all are hidden; `share` takes
+    them out of the share; `ignored`: the share doesn't count them. A share of -1 is ray cast in any case. counters: adds `rays`,
+    `points_ray_cast` and `points_at_horizon`.
+    """
+    out = np.array(share, np.float64)
+    missing = out < 0
+    behind = np.zeros(len(out))
+    if horizon != "ignored":
+        count_behind(receivers.position, receivers.normal, points, points.mean(axis=0), behind)
+    cast = missing
+    if horizon == "rays":
+        cast = missing | ((behind > 0) & (out > 0) & (out < 1))
+    out = without_behind(out, behind, len(points))
+    rows = np.flatnonzero(cast)
+    out[rows] = cast_before(world, emitter, points, Receivers(*(column[rows] for column in receivers)), counters)
+    counters["points_ray_cast"] += len(rows)
+    counters["points_at_horizon"] += len(rows) - int(np.count_nonzero(missing))
+    return out
+
+
+def without_behind(share: F64, behind: F64, count: int) -> F64:
+    """Hidden share (P,) of those of `count` light points that are before the receivers' planes, from the share of all of them.
 
     Light from behind the plane is missing in the light without shadows already, and always hidden: by the surface itself. With H
     the share behind the plane, (V - H) / (1 - H) counts it once.
     """
-    behind = np.zeros(len(share))
-    count_behind(positions, normals, points, points.mean(axis=0), behind)
-    return np.asarray(np.clip((share - behind) / np.maximum(1 - behind, 0.5 / len(points)), 0, 1))
+    return np.asarray(np.clip((share - behind) / np.maximum(1 - behind, 0.5 / count), 0, 1))
 
 
 @numba.njit(parallel=True, cache=True)
@@ -98,19 +121,40 @@ def count_behind(positions, normals, points, centre, behind):  # type: ignore[no
 
 
 def cast_hidden(world: World, emitter: Emitter, points: F64, positions: F64, geometric: F64, counters: Counter[str]) -> F64:
-    """Share of the light points (N, 3) that shadow rays from surface points (P, 3) with geometric normals don't reach, (P,)."""
-    out = np.zeros(len(positions))
-    if not len(positions):
-        return out
+    """Share of the light points (N, 3) that shadow rays from surface points (P, 3) with geometric normals don't reach, (P,).
+
+    Rays leave to the side of the surface that their light point is on.
+    """
+    blocked, total = _cast(world, emitter, points, Receivers(positions, geometric, geometric), counters, all_sides=True)
+    return blocked / np.maximum(total, 1)
+
+
+def cast_before(world: World, emitter: Emitter, points: F64, receivers: Receivers, counters: Counter[str]) -> F64:
+    """The same (P,) of those light points (N, 3) that are before the receivers' planes; 0 where none is."""
+    blocked, total = _cast(world, emitter, points, receivers, counters, all_sides=False)
+    return blocked / np.maximum(total, 1)
+
+
+def _cast(
+    world: World, emitter: Emitter, points: F64, receivers: Receivers, counters: Counter[str], *, all_sides: bool
+) -> tuple[F64, F64]:
+    """Blocked shadow rays and all of them, (P,) each."""
+    count = len(receivers.position)
+    blocked, total = np.zeros(count), np.zeros(count)
+    if not count:
+        return blocked, total
     caster = caster_without(world, emitter)
-    for part in chunks(len(positions), max(RAYS // len(points), 1)):
-        p, n = (np.repeat(a[part], len(points), axis=0) for a in (positions, geometric))
-        target = np.tile(points, (len(p) // len(points), 1))
-        start = off_surface(p, n, target - p)
-        blocked = caster.occluded(start, target - start, 1 - OFFSET)
-        out[part] = blocked.reshape(-1, len(points)).mean(axis=1)
-        counters["rays"] += len(p)
-    return out
+    for part in chunks(count, max(RAYS // len(points), 1)):
+        here = Receivers(*(column[part] for column in receivers))
+        towards = points[None] - here.position[:, None]
+        aimed = np.ones(towards.shape[:2], bool) if all_sides else np.einsum("pni,pi->pn", towards, here.normal) > 0
+        row, which = np.nonzero(aimed)
+        start = off_surface(here.position[row], here.geometric[row], towards[row, which])
+        hit = caster.occluded(start, points[which] - start, 1 - OFFSET)
+        blocked[part] = np.bincount(row, weights=hit, minlength=len(here.position))
+        total[part] = aimed.sum(axis=1)
+        counters["rays"] += len(row)
+    return blocked, total
 
 
 def caster_without(world: World, emitter: Emitter) -> RayCaster:

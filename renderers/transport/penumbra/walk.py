@@ -54,7 +54,7 @@ def project(camera, u, v, near, far):  # type: ignore[no-untyped-def]
 
 @numba.njit(inline="always")
 def texel(depth, ix, iy):  # type: ignore[no-untyped-def]
-    """Stored depth; outside the map nothing blocks."""
+    """Stored depth of a row and column of the map; outside of it nothing blocks."""
     if 0 <= iy < depth.shape[0] and 0 <= ix < depth.shape[1]:
         return depth[iy, ix]
     return NOTHING
@@ -81,10 +81,10 @@ def bounds_of(maps):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True)
-def walk_exact(depth, low, high, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
+def walk_exact(depth, low, high, top, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
     """Append events of one ray to z, sign from `count` on; returns the new count.
 
-    ray: what `project` returned; low, high: the map's `bounds_of`.
+    ray: what `project` returned; low, high: the map's `bounds_of`; top: rows of the window above the map, whole blocks.
     """
     _, ax, bx, ay, by, iaz, bz, q, q_out = ray
     cx, cy = int(np.floor((ax + bx * q) / BLOCK)), int(np.floor((ay + by * q) / BLOCK))
@@ -96,19 +96,20 @@ def walk_exact(depth, low, high, ray, near, far, bias, z, sign, count):  # type:
         qx = ((cx + edge_x) * BLOCK - ax) * inverse_x if bx != 0 else -np.inf
         qy = ((cy + edge_y) * BLOCK - ay) * inverse_y if by != 0 else -np.inf
         q_next = min(max(qx, qy, q_out), q)
-        inside = 0 <= cy < low.shape[0] and 0 <= cx < low.shape[1]
-        if not inside or (low[cy, cx] + bias) * q_next >= 1:
+        block = cy - top // BLOCK
+        inside = 0 <= block < low.shape[0] and 0 <= cx < low.shape[1]
+        if not inside or (low[block, cx] + bias) * q_next >= 1:
             if shadowed:
                 z[count], sign[count] = _depth_at(q, bz, iaz, near, far), -1
                 count += 1
             shadowed = False
-        elif (high[cy, cx] + bias) * q <= 1:
+        elif (high[block, cx] + bias) * q <= 1:
             if not shadowed:
                 z[count], sign[count] = _depth_at(q, bz, iaz, near, far), 1
                 count += 1
             shadowed = True
         else:
-            count, shadowed = _walk_block(depth, cx, cy, ray, q, q_next, near, far, bias, z, sign, count, shadowed)
+            count, shadowed = _walk_block(depth, top, cx, cy, ray, q, q_next, near, far, bias, z, sign, count, shadowed)
         if q_next <= q_out:
             return count
         if qx >= qy:
@@ -119,7 +120,7 @@ def walk_exact(depth, low, high, ray, near, far, bias, z, sign, count):  # type:
 
 
 @numba.njit(nogil=True)
-def _walk_block(depth, cx, cy, ray, q, q_out, near, far, bias, z, sign, count, shadowed):  # type: ignore[no-untyped-def]
+def _walk_block(depth, top, cx, cy, ray, q, q_out, near, far, bias, z, sign, count, shadowed):  # type: ignore[no-untyped-def]
     """The same texel by texel, from q to q_out, within one block."""
     _, ax, bx, ay, by, iaz, bz, _, _ = ray
     # rounding at a block's edge may name the texel beyond it
@@ -132,7 +133,7 @@ def _walk_block(depth, cx, cy, ray, q, q_out, near, far, bias, z, sign, count, s
         qx = (ix + edge_x - ax) * inverse_x if bx != 0 else -np.inf
         qy = (iy + edge_y - ay) * inverse_y if by != 0 else -np.inf
         q_next = min(max(qx, qy, q_out), q)
-        d = texel(depth, ix, iy) + bias
+        d = texel(depth, ix, iy - top) + bias
         # the span's camera depths are 1/q … 1/q_next; products spare a division per texel
         if d * q > 1 and d * q_next < 1:
             if shadowed:
@@ -161,14 +162,14 @@ def _depth_at(q, bz, iaz, near, far):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True)
-def walk_midpoint(depth, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
+def walk_midpoint(depth, top, ray, near, far, bias, z, sign, count):  # type: ignore[no-untyped-def]
     """The published walk (St-Amour 2004 §3.1, figure 3.4): as `walk_exact`, one texel per step of the major axis."""
     _, ax, bx, ay, by, iaz, bz, q_in, q_out = ray
     x0, y0 = int(np.floor(ax + bx * q_in)), int(np.floor(ay + by * q_in))
     x1, y1 = int(np.floor(ax + bx * q_out)), int(np.floor(ay + by * q_out))
     steps = max(abs(x1 - x0), abs(y1 - y0))
     if steps == 0:
-        d = (texel(depth, x0, y0) + bias + bz) * iaz
+        d = (texel(depth, x0, y0 - top) + bias + bz) * iaz
         if d < far:
             z[count], sign[count] = max(d, near), 1
             count += 1
@@ -177,7 +178,7 @@ def walk_midpoint(depth, ray, near, far, bias, z, sign, count):  # type: ignore[
     for k in range(steps + 1):
         ix, iy = int(np.floor(x0 + (x1 - x0) * k / steps + 0.5)), int(np.floor(y0 + (y1 - y0) * k / steps + 0.5))
         here = max((1 / (q_in + k / steps * (q_out - q_in)) + bz) * iaz, near)
-        d = (texel(depth, ix, iy) + bias + bz) * iaz
+        d = (texel(depth, ix, iy - top) + bias + bz) * iaz
         if d < here and not shadowed:
             z[count], sign[count] = (d if before <= d else here), 1
             count += 1
@@ -191,41 +192,32 @@ def walk_midpoint(depth, ray, near, far, bias, z, sign, count):  # type: ignore[
 
 
 @numba.njit(nogil=True, cache=True)
-def row_events(maps, low, high, cameras, us, v, near, far, bias, exact):  # type: ignore[no-untyped-def]
-    """Events of one row of the pyramid in all maps: pixel int32, z float32, sign int8 (E,), and the steps walked.
+def row_events(maps, low, high, cameras, top, us, vs, near, far, bias, exact, pixel, z, sign):  # type: ignore[no-untyped-def]
+    """Events of a few rows of the pyramid in all maps: fills pixel int32 (row · W + column), z float32, sign int8 and returns how
+    many there are, -1 if they may not fit; and the steps walked.
 
-    maps float32 (N, h, w) with their `bounds_of`; cameras float64 (N, CAMERA); us float64 (W,), v: tangents of the
-    pixel centres; near, far, bias: world units.
+    maps float32 (N, h, w) with their `bounds_of`; cameras float64 (N, CAMERA); top int64 (N,): rows of each window above its map,
+    whole blocks; us float64 (W,), vs (rows,): tangents of the pixel centres; near, far, bias: world units.
     """
-    size = 4 * len(us) + 64
-    pixel, z, sign = np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.int8)
     count, walked = 0, 0
     for i in range(len(maps)):
-        for column in range(len(us)):
-            ray = project(cameras[i], us[column], v, near, far)
-            if not ray[0]:
-                continue
-            ax, bx, ay, by, q_in, q_out = ray[1], ray[2], ray[3], ray[4], ray[7], ray[8]
-            dx = abs(int(np.floor(ax + bx * q_out)) - int(np.floor(ax + bx * q_in)))
-            dy = abs(int(np.floor(ay + by * q_out)) - int(np.floor(ay + by * q_in)))
-            # a texel gives at most two events; rounding may add one texel in x and in y for each block
-            need = count + 3 * (dx + dy + 8)
-            if need > size:
-                size = max(need, 2 * size)
-                pixel, z, sign = _longer(pixel, size), _longer(z, size), _longer(sign, size)
-            first = count
-            if exact:
-                count = walk_exact(maps[i], low[i], high[i], ray, near, far, bias, z, sign, count)
-                walked += dx + dy + 1
-            else:
-                count = walk_midpoint(maps[i], ray, near, far, bias, z, sign, count)
-                walked += max(dx, dy) + 1
-            pixel[first:count] = column
-    return pixel[:count].copy(), z[:count].copy(), sign[:count].copy(), walked
-
-
-@numba.njit(nogil=True, cache=True)
-def _longer(array, size):  # type: ignore[no-untyped-def]
-    longer = np.empty(size, array.dtype)
-    longer[: len(array)] = array
-    return longer
+        for row in range(len(vs)):
+            for column in range(len(us)):
+                seen, ax, bx, ay, by, iaz, bz, q_in, q_out = project(cameras[i], us[column], vs[row], near, far)
+                if not seen:
+                    continue
+                dx = abs(int(np.floor(ax + bx * q_out)) - int(np.floor(ax + bx * q_in)))
+                dy = abs(int(np.floor(ay + by * q_out)) - int(np.floor(ay + by * q_in)))
+                # a texel gives at most two events; rounding may add one texel in x and in y for each block
+                if count + 3 * (dx + dy + 8) > len(pixel):
+                    return -1, walked
+                ray = (seen, ax, bx, ay, by, iaz, bz, q_in, q_out)
+                first = count
+                if exact:
+                    count = walk_exact(maps[i], low[i], high[i], top[i], ray, near, far, bias, z, sign, count)
+                    walked += dx + dy + 1
+                else:
+                    count = walk_midpoint(maps[i], top[i], ray, near, far, bias, z, sign, count)
+                    walked += max(dx, dy) + 1
+                pixel[first:count] = row * len(us) + column
+    return count, walked

@@ -11,6 +11,7 @@
 | `plane` | the square sampling plane of the publication: weights, moments, reprojection; oracle of the GL passes |
 | `records` | records in time: temporal gradients, values at a frame |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
+| `overlay` | where records lie and how long they live, as a picture |
 | `accumulation` | temporal accumulation of noisy images: the pixel's past followed back |
 
 Time is counted in frames. Source: P. Gautron, *Cache de luminance et cartes graphiques*, doctoral thesis, Université de Rennes 1,

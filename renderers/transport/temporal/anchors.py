@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 from renderers.scene.world import World
 from renderers.transport.caching.records import Sites
 from renderers.transport.raycast import OFFSET, caster_of
+from renderers.transport.surface import turned
 
 F64 = NDArray[np.float64]
 REACH = 2 * OFFSET
+BURIED = OFFSET / 2  # rays leave from OFFSET above a place: from outside, if the surface lies no higher than this
+PARALLEL = 0.95
 
 
 class Anchors(NamedTuple):
@@ -33,9 +36,11 @@ class Anchors(NamedTuple):
 
 
 def anchors(world: World, sites: Sites) -> Anchors:
-    """The surface within REACH of each place, along its geometric normal."""
-    hits = caster_of(world).first_hit(sites.position + REACH * sites.geometric, -sites.geometric)
-    on = (hits.triangle >= 0) & (hits.t <= 2 * REACH)
+    """The surface that each place lies on: parallel to it, at most REACH below it and at most BURIED above."""
+    up = turned(sites.geometric, sites.normal)
+    hits = caster_of(world).first_hit(sites.position + REACH * up, -up)
+    on = (hits.triangle >= 0) & (hits.t <= 2 * REACH) & (hits.t >= REACH - BURIED)
+    on[on] = np.abs(np.einsum("ij,ij->i", world.normals_of(hits.triangle[on]), up[on])) >= PARALLEL
     return Anchors(np.where(on, hits.triangle, -1).astype(np.int32), hits.u.astype(np.float64), hits.v.astype(np.float64))
 
 

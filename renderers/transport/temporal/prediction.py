@@ -69,7 +69,7 @@ class RayCast:
         index = np.flatnonzero(found.held & motion.moved[found.triangle])
         if not len(index):
             return cast.origins, cast.directions, rays
-        rotation, shift = carried(motion.before, motion.after, Anchors(*(column[index] for column in found)))
+        rotation, shift = carried(motion.before, motion.after, Anchors(found.triangle[index], found.u[index], found.v[index]))
         by_place = len(cast.tangents), -1, 3
         origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
         place = cast.sites.position[index][:, None]

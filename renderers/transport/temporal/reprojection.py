@@ -63,14 +63,15 @@ def reprojected(cast: Cast, moved: Moved, radiance: F32, grid: Grid, footprints:
     return out, near
 
 
-def fill(depth: F32, source: NDArray[np.int64], holes: NDArray[np.int64]) -> int:
+def fill(depth: F32, source: NDArray[np.int64], holes: NDArray[np.int64], cyclic: bool = True) -> int:
     """Fill holes (H,), flat indices where `source` is -1, with the deepest of their neighbours; returns the passes it took.
 
     depth, source (rings, sectors): distance and number of what each cell shows. All holes of a pass are filled at once.
+    cyclic: the last column lies beside the first.
     """
     passes, columns = 0, depth.shape[1]
     while len(holes):
-        deepest = _deepest(depth, source, holes)
+        deepest = _deepest(depth, source, holes, cyclic)
         found = deepest >= 0
         if not found.any():
             raise ValueError("a hemisphere of holes alone can't be filled")
@@ -165,8 +166,8 @@ def _point(rings, sectors, axes, away, number, depth, source):  # type: ignore[n
 
 
 @numba.njit(nogil=True, cache=True)
-def _deepest(depth, source, holes):  # type: ignore[no-untyped-def]
-    """For each hole its deepest known neighbour of eight, as a flat index, or -1. Azimuth is cyclic."""
+def _deepest(depth, source, holes, cyclic):  # type: ignore[no-untyped-def]
+    """For each hole its deepest known neighbour of eight, as a flat index, or -1."""
     rings, sectors = depth.shape
     out = np.full(len(holes), -1, np.int64)
     for h in range(len(holes)):
@@ -174,8 +175,10 @@ def _deepest(depth, source, holes):  # type: ignore[no-untyped-def]
         far = -1.0
         for dj in range(-1, 2):
             for dk in range(-1, 2):
-                j, k = row + dj, (column + dk) % sectors
-                if 0 <= j < rings and source[j, k] >= 0 and depth[j, k] > far:
+                j, k = row + dj, column + dk
+                if cyclic:
+                    k %= sectors
+                if 0 <= j < rings and 0 <= k < sectors and source[j, k] >= 0 and depth[j, k] > far:
                     far = depth[j, k]
                     out[h] = j * sectors + k
     return out

@@ -36,6 +36,16 @@ EXAMPLES = {
             "noise": 0.004,
         }
     },
+    "sequence": {
+        "summary": "An animation: references in every 10th frame, and in two windows where flicker is measured.",
+        "value": {
+            "scenes": ["cube-in-a-box"],
+            "methods": [{"name": "rcs"}, {"name": "pt", "settings": {"spp": 16}}],
+            "size": [96, 72],
+            "frames": [0, 99],
+            "references": {"every": 10, "windows": [[0, 19], [80, 99]]},
+        },
+    },
 }
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import jobs
 from jobs.files import safe_name
-from jobs.graph import graph
+from jobs.graph import graph, references_of
 from jobs.plan import plan
 from renderers import Scene, SceneError, UnknownMethod
 from renderers.scene import builtin
@@ -44,6 +44,28 @@ def test_exposure_needs_the_full_reference_of_frame_0() -> None:
     made = plan(request(frames=(3, 3)))
     assert "cornell-box.full.centre.f0000" in made.references
     assert "cornell-box.full.centre.f0003" in made.references
+
+
+@pytest.mark.parametrize(
+    ("frames", "references", "chosen"),
+    [
+        ((5, 24), None, list(range(5, 25))),
+        ((5, 30), None, list(range(5, 31))),
+        ((5, 64), None, [*range(5, 25), 25, 35, *range(45, 65)]),
+        ((2, 14), {"every": 5}, [2, 7, 12]),
+        ((2, 14), {"windows": [[4, 6], [6, 7]]}, [2, 4, 5, 6, 7]),
+        ((2, 14), {"every": 6, "windows": [[8, 9]]}, [2, 8, 9, 14]),
+        ((3, 3), {}, [3]),
+    ],
+)
+def test_frames_of_a_sequence_that_have_references(frames: tuple[int, int], references: object, chosen: list[int]) -> None:
+    made = plan(request(frames=frames, references=references))
+    centre = [task.frame for task in made.references.values() if (task.transport, task.pixel) == ("direct", "centre")]
+    assert centre == chosen
+    assert {task.begin for task in made.references.values()} == {frames[0]}
+    render = next(iter(made.renders))
+    assert sorted(references_of(made, render)) == chosen
+    assert len(made.renders[render].outputs) == frames[1] - frames[0] + 1
 
 
 def test_graph_lists_every_node_after_those_it_waits_for() -> None:
@@ -127,3 +149,9 @@ def test_safe_names_are_safe(text: str) -> None:
     assert set(name) <= set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-")
     assert name not in (".", "..")
     assert safe_name(name) == name
+
+
+@pytest.mark.parametrize("window", [(0, 3), (3, 99), (5, 4)])
+def test_windows_outside_of_the_frames_are_refused(window: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match=f"window {window[0]}:{window[1]} of references does not lie in frames 2:9"):
+        request(frames=(2, 9), references={"windows": [window]})

@@ -22,8 +22,8 @@ from jobs.stopped import children, end_tasks, is_stopped, keepers, wake
 PARENT = """
 import subprocess, sys
 sleep = "import time; time.sleep(600)"
-subprocess.Popen([sys.executable, "-c", sleep, "jobs.child"], start_new_session=True)
-subprocess.Popen([sys.executable, "-c", sleep, "something else"], start_new_session=True)
+subprocess.Popen([sys.executable, "-c", sleep, "jobs.child"], process_group=0)
+subprocess.Popen([sys.executable, "-c", sleep, "something else"], process_group=0)
 print("ready", flush=True)
 sys.stdin.read()
 """

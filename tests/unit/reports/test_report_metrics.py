@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,20 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import gaussian_filter
 
-from reports import compare, noise_floor
-from reports.comparison import compare_sequence, reference_too_noisy
-from reports.metrics import OVER, UNDECIDED, Pair, flicker, over_states, possibly_mask, signed_relative_error, surely_mask
+from renderers.images import LUMA, display_values
+from reports import Noise, compare, flicker_floor, measure, measure_change, noise_floor
+from reports.comparison import reference_too_noisy
+from reports.metrics import (
+    OVER,
+    UNDECIDED,
+    Pair,
+    flicker,
+    flicker_linear,
+    over_states,
+    possibly_mask,
+    signed_relative_error,
+    surely_mask,
+)
 from reports.registry import METRICS
 from reports.registry_page import page
 
@@ -183,26 +195,70 @@ def test_flip_sees_a_difference_and_runs_only_at_night() -> None:
 
 
 def test_flicker_ignores_a_standing_error_and_sees_an_alternating_one() -> None:
-    frames = [np.full(SHAPE, 0.2 + 0.1 * k, np.float32) for k in range(4)]
     unit = 1 / 255
     # On linear-in-luma greys a standing offset of luma leaves no change; ± one step of luma alternating changes by 2 a frame.
     decode = lambda v: ((v + 0.055) / 1.055) ** 2.4  # noqa: E731
     greys = [np.full(SHAPE, decode(0.3 + 0.1 * k)) for k in range(4)]
     standing = [Pair(np.full(SHAPE, decode(0.3 + 0.1 * k + unit)), grey) for k, grey in enumerate(greys)]
     moving = [Pair(np.full(SHAPE, decode(0.3 + 0.1 * k + unit * (-1) ** k)), grey) for k, grey in enumerate(greys)]
-    assert flicker(standing) == pytest.approx(0, abs=1e-9)
-    assert flicker(moving) == pytest.approx(2, rel=1e-9)
-    assert flicker([Pair(frames[0], frames[0])]) is None
+    assert [flicker(*two) for two in pairwise(standing)] == pytest.approx([0] * 3, abs=1e-9)
+    assert [flicker(*two) for two in pairwise(moving)] == pytest.approx([2] * 3, rel=1e-9)
+    changes = [measure_change(*two) for two in pairwise(moving)]
+    assert [change["flicker"] for change in changes] == [flicker(*two) for two in pairwise(moving)]
 
 
-def test_sequence_finds_its_worst_frame() -> None:
-    frames = [np.full(SHAPE, 0.5, np.float32)] * 3
-    pairs = [Pair(f * np.float32(k), f) for f, k in zip(frames, (1.0, 1.3, 1.1), strict=True)]
-    rows, change, worst = compare_sequence(pairs)
-    assert worst == 1
-    assert len(rows) == 3
-    assert change is not None
-    assert change > 0
+def test_equal_sequences_flicker_by_exactly_nothing() -> None:
+    images = [two_images()[k] for k in (0, 1, 0)]
+    assert [measure_change(Pair(a, a), Pair(b, b)) for a, b in pairwise(images)] == [{"flicker": 0, "flicker_linear": 0}] * 2
+
+
+def test_linear_flicker_is_relative_to_the_references() -> None:
+    grey, bright = np.full(SHAPE, 0.5), np.full(SHAPE, 1.5)
+    # Errors 0.1 and −0.1 around references of mean luminance 0.5 and 1.5: a change of 0.2 over a mean of 1.
+    assert flicker_linear(Pair(grey + 0.1, grey), Pair(bright - 0.1, bright)) == pytest.approx(0.2)
+    black = np.zeros(SHAPE)
+    assert flicker_linear(Pair(black, black), Pair(black, black)) == 0
+    assert flicker_linear(Pair(black, black), Pair(grey, black)) is None
+
+
+def test_flicker_of_the_references_noise_alone() -> None:
+    reference = np.full((64, 64, 3), 0.5, np.float32)
+    noisy = Noise(reference, np.full_like(reference, 0.005**2))
+    slope = 255 * 1.055 / 2.4 * 0.5 ** (1 / 2.4 - 1)
+    # The difference of two independent draws of σ has the mean size σ·2/sqrt(π). Over 4096 pixels its relative standard deviation
+    # is sqrt(π/2 − 1)/64 = 1.2 %: 5 % is over 4 of them.
+    assert flicker_floor(noisy, noisy)["flicker"] == pytest.approx(0.005 * slope * 2 / np.sqrt(np.pi), rel=0.05)
+    exact = Noise(reference, np.zeros_like(reference))
+    assert flicker_floor(exact, exact) == {"flicker": 0, "flicker_linear": 0}
+
+
+def test_noise_that_stays_from_frame_to_frame_makes_no_flicker() -> None:
+    reference = np.full((64, 64, 3), 0.5, np.float32)
+    error = 0.005 * np.random.default_rng(3).standard_normal(reference.shape).astype(np.float32)
+    noises = [Noise(reference, np.full_like(reference, 0.005**2), sample) for sample in (error, error, -error)]
+    assert flicker_floor(*noises[:2]) == {"flicker": 0, "flicker_linear": 0}
+    moved = display_values(np.maximum(reference + error, 0), 1.0) - display_values(np.maximum(reference - error, 0), 1.0)
+    assert flicker_floor(*noises[1:])["flicker"] == pytest.approx(np.abs(moved @ LUMA).mean(), rel=1e-6)
+
+
+def test_residuals_keep_their_sign_and_ghosts_their_place() -> None:
+    reference = np.full(SHAPE, 0.5, np.float32)
+    test = reference.copy()
+    test[:, :2] = 0.6
+    test[:, -1] = 0.3
+    revealed = np.zeros(SHAPE[:2], bool)
+    revealed[:, 0] = revealed[:, -1] = True
+    row = measure(Pair(test, reference, revealed=revealed))
+    level = lambda value: float(display_values(np.float64([value]), 1.0)[0])  # noqa: E731
+    bright, dark = level(0.6) - level(0.5), level(0.5) - level(0.3)
+    assert row["too_bright"] == pytest.approx(bright * 2 / SHAPE[1], rel=1e-6)
+    assert row["too_dark"] == pytest.approx(dark / SHAPE[1], rel=1e-6)
+    assert row["ghost_bright"] == pytest.approx(bright / 2, rel=1e-6)
+    assert row["ghost_dark"] == pytest.approx(dark / 2, rel=1e-6)
+    assert measure(Pair(test, reference))["ghost_bright"] is None
+    assert measure(Pair(test, reference, revealed=np.zeros(SHAPE[:2], bool)))["ghost_dark"] is None
+    with pytest.raises(ValueError, match="revealed"):
+        Pair(test, reference, revealed=revealed[:2])
 
 
 def test_noise_floor_is_the_size_of_the_noise() -> None:
@@ -225,7 +281,8 @@ def test_signed_relative_error_keeps_the_sign() -> None:
 
 def test_registry_is_complete_and_its_page_is_fresh() -> None:
     row = compare(*two_images(), nightly=True)
-    assert set(row) | {"flicker"} == set(METRICS)
+    assert set(row) | set(measure_change(Pair(*two_images()), Pair(*two_images()))) == set(METRICS)
+    assert all((m.function is None) != (m.change is None) for m in METRICS.values())
     assert all(m.formula and m.source and m.unit in ("0-255", "1", "share") for m in METRICS.values())
     assert METRICS["ssim"].badness(0.9) < METRICS["ssim"].badness(0.8)
     assert METRICS["mean_bias"].badness(-0.1) < METRICS["mean_bias"].badness(0.2)

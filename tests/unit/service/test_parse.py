@@ -33,6 +33,26 @@ def test_bad_frames_are_refused(text: str) -> None:
         parse.frames(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "chosen"),
+    [
+        (None, None),
+        ("all", {"every": 1, "windows": []}),
+        ("10", {"every": 10, "windows": []}),
+        ("10,0:19,40:59", {"every": 10, "windows": [(0, 19), (40, 59)]}),
+        ("5:6", {"every": None, "windows": [(5, 6)]}),
+    ],
+)
+def test_frames_with_references(text: str | None, chosen: dict[str, object] | None) -> None:
+    assert parse.references(text) == chosen
+
+
+@pytest.mark.parametrize("text", ["", "0", "10,5", "every", "9:3", "10,", "all,0:3"])
+def test_bad_frames_with_references_are_refused(text: str) -> None:
+    with pytest.raises(RequestError, match="--references takes"):
+        parse.references(text)
+
+
 def test_assignments() -> None:
     found = parse.assignments(["a=1", "b=x=y", "c=[1, 2]", "d=none", "e="])
     assert found == {"a": "1", "b": "x=y", "c": [1, 2], "d": None, "e": ""}
@@ -46,7 +66,8 @@ def test_bad_assignments_are_refused(pairs: list[str]) -> None:
 
 def test_evaluation_options_become_a_request() -> None:
     made = build(
-        ["s"], ["m", "n"], ["m.k=1"], ["n.j=1,2", "m.l=[[1,2],[3,4]]"], size="8x4", seeds=2, frames="1:2", noise=0.1
+        ["s"], ["m", "n"], ["m.k=1"], ["n.j=1,2", "m.l=[[1,2],[3,4]]"], size="8x4", seeds=2, frames="1:2",
+        references="1:1", noise=0.1,
     )  # fmt: skip
     assert made.model_dump() == {
         "scenes": ["s"],
@@ -55,6 +76,7 @@ def test_evaluation_options_become_a_request() -> None:
             {"name": "n", "settings": {}, "sweep": {"j": ["1", "2"]}},
         ],
         "size": (8, 4), "seeds": 2, "frames": (1, 2), "noise": 0.1, "priority": 5,
+        "references": {"every": None, "windows": [(1, 1)]},
     }  # fmt: skip
 
 
@@ -70,4 +92,4 @@ def test_evaluation_options_become_a_request() -> None:
 )
 def test_contradictions_are_refused(options: tuple[list[str], list[str], list[str], list[str]], message: str) -> None:
     with pytest.raises(RequestError, match=message):
-        build(*options, size="8x4", seeds=1, frames="0:0", noise=0.1)
+        build(*options, size="8x4", seeds=1, frames="0:0", references=None, noise=0.1)

@@ -183,6 +183,27 @@ def test_no_pixels_and_no_lights() -> None:
         assert not splat(empty, world, light_rows(vpls, family, np.ones(4)), family, 0.0, caster).any()
 
 
+@pytest.mark.parametrize("side", [2, 4, 8])
+def test_the_filter_is_its_definition(side: int) -> None:
+    """Tent, power of the cosine and Gaussian of the distance to the plane, one shift of the image after another in float64."""
+    g = cast_gbuffer(renderers.load_scene("colonnade").world(), (40, 24))
+    image = generator(3, "light").random((24, 40, 3)).astype(np.float32)
+    x, n, covered = (np.pad(a, side) if a.ndim == 2 else np.pad(a, ((side, side), (side, side), (0, 0))) for a in
+                     (g.position.astype(np.float64), g.normal.astype(np.float64), g.covered))  # fmt: skip
+    light, total, weight = np.pad(image, ((side, side), (side, side), (0, 0))), np.zeros(image.shape), np.zeros((24, 40))
+    for v in range(1 - side, side):
+        for u in range(1 - side, side):
+            here = slice(side + v, side + v + 24), slice(side + u, side + u + 40)
+            apart = np.einsum("ijk,ijk->ij", g.normal, x[here] - g.position) / 0.01
+            cosine = np.maximum(np.einsum("ijk,ijk->ij", g.normal.astype(np.float64), n[here]), 0)
+            w = (side - abs(u)) * (side - abs(v)) * cosine**32 * np.exp(-(apart**2)) * covered[here]
+            weight += w
+            total += w[..., None] * light[here]
+    expected = np.where(g.covered[..., None], total / np.where(g.covered, weight, 1)[..., None], 0)
+    # Gaussians carry 3e-7, their arguments a few roundings of a distance over 1 % of the World; both stand above and below the bar
+    np.testing.assert_allclose(joined(image, g, side), expected, atol=1e-5)
+
+
 def test_sub_images_are_the_image_and_the_filter_keeps_flat_light() -> None:
     world = renderers.load_scene("cornell-box").world()
     g = cast_gbuffer(world, (48, 28))

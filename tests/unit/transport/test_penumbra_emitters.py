@@ -6,7 +6,7 @@ import pytest
 from renderers.scene.builder import SceneBuilder, look_rotation
 from renderers.scene.model import DiscLight, Lambert, Scene, SphereLight
 from renderers.scene.shapes import sphere
-from renderers.transport.penumbra.emitters import ball_radius, concentric, emitters_of, stratified
+from renderers.transport.penumbra.emitters import ball_radius, concentric, emitters_of, hammersley, stratified
 
 LAMP = Lambert("lamp", emission=(2.0, 2.0, 2.0), double_sided=False)
 
@@ -49,6 +49,32 @@ def test_kinds_points_and_sizes(kind: str) -> None:
             assert emitter.frame[2] @ [0, -1, 0] == pytest.approx(1, abs=1e-6)
         # four standard errors of independent points, whose standard deviation is at most the half size
         assert np.abs(local.mean(axis=0)).max() <= 4 * emitter.size / np.sqrt(400)
+
+
+@pytest.mark.parametrize("count", [16, 64])
+def test_hammersley_points_are_even_in_boxes_of_every_shape(count: int) -> None:
+    """Before it is moved, each box of 2^-a by 2^-b with 2^(a+b) = N holds one point; moved, each holds none to four of them.
+
+    A moved box is up to four parts of boxes of the torus, each with one point.
+    """
+    points = hammersley(count, np.random.default_rng(4))
+    np.testing.assert_array_equal(points, hammersley(count, np.random.default_rng(4)))
+    assert points.min() >= 0
+    assert points.max() < 1
+    still = (points - np.random.default_rng(4).random(2)) % 1
+    power = int(np.log2(count))
+    for a in range(power + 1):
+        for where, most in ((still + 1e-9, 1), (points, 4)):
+            box = np.floor(where % 1 * [2**a, 2 ** (power - a)]).astype(int) @ [1, 2**a]
+            assert np.bincount(box, minlength=count).max() <= most
+
+
+def test_patterns_differ_on_rectangles_and_discs_alone() -> None:
+    """A sphere's points are what they are."""
+    for kind, differ in (("rectangle", True), ("disc", True), ("sphere", False), ("polygon", False)):
+        light = emitters_of(room(kind).world())[0]
+        same = np.array_equal(light.points(16, 1, pattern="hammersley"), light.points(16, 1, pattern="stratified"))
+        assert same != differ
 
 
 @pytest.mark.parametrize("count", [1, 4, 7, 16, 50])

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from penumbra_scene import average_of_tests, box, constructed, depth_of, on_rays, plane, sphere, view
+from penumbra_scene import average_of_tests, box, constructed, depth_of, events_of_rays, on_rays, plane, ready, sphere, view
 from scipy.spatial.transform import Rotation
 
 from renderers.transport.penumbra.assemble import Construction, assemble
 from renderers.transport.penumbra.cameras import cameras_of
-from renderers.transport.penumbra.walk import bounds_of, row_events
 
 UNCOMPRESSED = Construction(bias=0.02, compression="none", merge=0.0)
 
@@ -26,7 +25,7 @@ def test_worked_example(depths: tuple[float, ...], exact: list[tuple[float, int]
     maps[0, 4, :4] = depths
     cameras = np.concatenate([np.eye(3).ravel(), [1, 0, 0], [-1, 0.25, -1, 0.25]])[None]
     for is_exact, expected in ((True, exact), (False, midpoint)):
-        _, z, sign, _ = row_events(maps, *bounds_of(maps), cameras, np.array([0.1]), 0.1, 1.0, 4.0, 0.0, is_exact)
+        z, sign, _ = events_of_rays(maps, cameras, np.array([0.1]), np.array([0.1]), 1.0, 4.0, 0.0, is_exact)
         assert sign.tolist() == [s for _, s in expected]
         np.testing.assert_allclose(z, [at for at, _ in expected], rtol=1e-6)
 
@@ -40,7 +39,7 @@ def test_cameras_in_general_position() -> None:
     cameras = cameras_of(pyramid, points, 96, turns)
     surfaces = (plane(10, 0.2), sphere((0.3, -0.2, 6), 1.0), box((-2.5, -0.8, 7.5), (-1.2, 0.8, 8.3)))
     maps = depth_of(surfaces, cameras, 96)
-    made = assemble(pyramid, cameras, lambda part: maps[: len(part)], UNCOMPRESSED)
+    made = assemble(pyramid, cameras, ready(cameras, maps), UNCOMPRESSED)
     where = on_rays(pyramid, 20_000, 6)
     wrong = np.abs(made.hidden(where, "nearest") - average_of_tests(cameras, maps, where, 0.02)) > 1e-6
     # a mismatch needs a point within float32 rounding of an event: 1e-6 of the depth, a few events per ray
@@ -57,7 +56,7 @@ def test_what_lies_outside_the_map_is_lit() -> None:
     """A blocker that a window does not hold casts no shadow, and the walk stays inside the array."""
     maps = np.full((1, 8, 8), 1.0, np.float32)
     cameras = np.concatenate([np.eye(3).ravel(), [0, 0, 0], [5, 0.25, 5, 0.25]])[None]
-    _, z, _, _ = row_events(maps, *bounds_of(maps), cameras, np.array([0.1]), 0.1, 1.0, 4.0, 0.0, True)
+    z, _, _ = events_of_rays(maps, cameras, np.array([0.1]), np.array([0.1]), 1.0, 4.0, 0.0, True)
     assert len(z) == 0
 
 

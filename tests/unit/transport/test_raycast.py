@@ -1,13 +1,15 @@
 """Ray casting: hits, shadow segments, offsets, caches."""
 
 import gc
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 
 import renderers
 from renderers.scene.builder import SceneBuilder
-from renderers.scene.model import Lambert, Scene
+from renderers.scene.model import DiscLight, Lambert, Scene
 from renderers.scene.world import World
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.raycast import _CASTERS, CACHED_WORLDS, OFFSET, RayCaster, caster_of, off_surface, segments_blocked
@@ -110,3 +112,45 @@ def test_scale_changes_nothing(scale: float) -> None:
     one, other = cast_gbuffer(quad(), (16, 9)), cast_gbuffer(quad(scale), (16, 9))
     np.testing.assert_array_equal(one.triangle, other.triangle)
     np.testing.assert_allclose(one.position, other.position, atol=1e-6)
+
+
+def two_boxes(path: Literal["translation", "scale"] = "translation") -> Scene:
+    """A still box and one that moves a metre a frame, or turns with its parent; a lamp hangs over the still one."""
+    b = SceneBuilder("two boxes")
+    grey = b.material(Lambert("grey"))
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
+    box = b.mesh(corners, faces, grey)
+    b.node(meshes=(box,), translation=(-3, 0, 0))
+    parent = b.node(translation=(3, 0, 0))
+    b.node(meshes=(box,), parent=parent, translation=(0.5, 0, 0))
+    b.light(DiscLight("lamp", intensity=1.0, radius=2.0), (-3, 4, 0))
+    b.camera((0, 2, 12), (0, 0, 0), 1.0)
+    b.animate(parent, path, [0, 4 / 24], [[3, 0, 0], [7, 4, 0]] if path == "translation" else [[1, 1, 1], [0, 0, 0]])
+    return b.build()
+
+
+@pytest.mark.parametrize("path", ["translation", "scale"])
+def test_frames_of_an_animated_scene_share_the_tree_of_what_stands_still(path: Literal["translation", "scale"]) -> None:
+    """Hits and shadows are those of a tree over everything; in frame 4 a box has shrunk to nothing."""
+    scene, rng = two_boxes(path), np.random.default_rng(4)
+    origins, directions = rng.uniform(-1.5, 1.5, (4000, 3)), rng.normal(size=(4000, 3))
+    shared, ends = set(), rng.uniform(0, 2, 4000)
+    for frame in range(5):
+        world = scene.world(frame)
+        together, alone = caster_of(world), RayCaster(world)
+        assert (len(together._trees), len(alone._trees)) == (1 if path == "scale" and frame == 4 else 2, 1)
+        shared.add(id(together._trees[0]._scene))
+        found, expected = together.first_hit(origins, directions), alone.first_hit(origins, directions)
+        assert len(np.unique(world.instance[found.triangle[found.triangle >= 0]])) == len(np.unique(world.instance))
+        for a, b in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(together.occluded(origins, directions, ends), alone.occluded(origins, directions, ends))
+    assert len(shared) == 1
+
+
+def test_worlds_made_by_hand_share_nothing() -> None:
+    world = two_boxes().world(2)
+    fewer = replace(world, triangles=world.triangles[3:], material=world.material[3:], instance=world.instance[3:])
+    assert len(caster_of(world)._trees) == 2
+    assert len(caster_of(fewer)._trees) == 1

@@ -1,0 +1,220 @@
+"""What foresees the next frame, against the specification's checks: the sampling plane, reprojection, recasting, Taylor orders."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from temporal_rooms import room, toy_box
+
+from renderers.scene.builtin.exact import polygon_irradiance
+from renderers.scene.model import Scene
+from renderers.transport.caching.hemisphere import grid_of
+from renderers.transport.caching.incoming import ReflectedDirectLight
+from renderers.transport.caching.records import Records, Sites
+from renderers.transport.caching.splat import gather
+from renderers.transport.temporal.motion import Motion, motion_between
+from renderers.transport.temporal.plane import Plane
+from renderers.transport.temporal.prediction import RayCast, Reprojection
+from renderers.transport.temporal.records import Timed, Trends
+from renderers.transport.temporal.sampling import Ahead, TemporalSampler
+
+F64 = NDArray[np.float64]
+PLANE = Plane(64, 2.0)
+GRID = grid_of(4096)
+
+
+def coverage(half: float) -> float:
+    """Share of the irradiance of a constant sky that a plane of that half side sees."""
+    q = half / np.sqrt(1 + half**2)
+    return float(4 / np.pi * q * np.arctan(q))
+
+
+def test_a5_weights_of_the_plane_sum_to_pi() -> None:
+    assert abs(PLANE.weights.sum() / np.pi - 1) <= 1e-4
+
+
+@pytest.mark.parametrize("half", [1.0, 2.0, 3.0])
+def test_a6_coverage_of_the_plane_without_border(half: float) -> None:
+    assert Plane(64, half).inner.sum() / np.pi == pytest.approx(coverage(half), abs=1e-3)
+
+
+def test_a8_rotation_gradient_of_simple_skies() -> None:
+    """A constant sky has none; one of radiance 1 over x > 0 has ∫ sin²θ dθ ∫ cos φ dφ = π/4 · 2 = π/2 about v."""
+    depth = np.full((64, 64), 1e6)
+    _, translation, rotation = PLANE.moments(np.ones((64, 64, 1)), depth)
+    assert np.abs(rotation).max() <= 1e-12
+    assert np.abs(translation).max() == 0
+    half = np.broadcast_to((PLANE.centres > 0)[None, :, None], (64, 64, 1)).astype(float)
+    assert PLANE.moments(half, depth)[2][0] == pytest.approx([0, np.pi / 2], abs=1e-4)
+
+
+def lamp(at: F64, normal: F64) -> float:
+    """Irradiance of a rectangle that faces down, at a point with a normal."""
+    corners = np.array([(-0.3, -0.2, 1.0), (0.7, -0.2, 1.0), (0.7, 0.8, 1.0), (-0.3, 0.8, 1.0)]) - at
+    return float(polygon_irradiance(np.zeros((1, 3)), normal, corners[::-1], 1.0)[0])
+
+
+def seen_lamp(plane: Plane) -> tuple[F64, F64]:
+    """Radiance (M, M, 1) and depth of that rectangle before a far background, seen from the origin upwards."""
+    x, y = np.meshgrid(plane.centres, plane.centres)
+    lit = (x > -0.3) & (x < 0.7) & (y > -0.2) & (y < 0.8)
+    return lit[..., None].astype(float), np.where(lit, 1.0, 1e6)
+
+
+def test_a7_a8_gradients_of_a_rectangle() -> None:
+    """Against differences of the polygon formula. 256² pixels: edges fall within a quarter of a hundredth of the rectangle."""
+    irradiance, translation, rotation = (a[0] for a in Plane(256, 2.0).moments(*seen_lamp(Plane(256, 2.0))))
+    up, h = np.array([0.0, 0, 1]), 1e-3
+    assert irradiance == pytest.approx(lamp(np.zeros(3), up), rel=0.02)
+    for axis in (0, 1):
+        step = np.eye(3)[axis] * h
+        moved = (lamp(step, up) - lamp(-step, up)) / (2 * h)
+        # n_k × n = δ about this axis: n = n_k + δ × n_k
+        turned = (lamp(np.zeros(3), up + np.cross(step, up)) - lamp(np.zeros(3), up - np.cross(step, up))) / (2 * h)
+        assert translation[axis] == pytest.approx(moved, abs=0.02 * np.hypot(*translation))
+        assert rotation[axis] == pytest.approx(turned, abs=0.02 * np.hypot(*rotation))
+
+
+def test_a12_a_plane_reprojects_what_is_at_rest_onto_itself() -> None:
+    depth = np.random.default_rng(0).uniform(0.5, 5, (64, 64))
+    x, y = np.meshgrid(PLANE.centres, PLANE.centres)
+    points = np.stack([x * depth, y * depth, depth], axis=-1).reshape(-1, 3)
+    drawn = PLANE.reprojected(points)
+    assert not drawn.holes.any()
+    np.testing.assert_array_equal(drawn.source.ravel(), np.arange(64 * 64))
+
+
+def test_a27_h6_dead_zone_of_the_plane_and_h9_its_rim() -> None:
+    """Moved sideways by less than half a pixel nothing changes; by more than a pixel it does; points may leave, or come behind."""
+    x, y = np.meshgrid(PLANE.centres, PLANE.centres)
+    points = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
+    near = np.abs(points[:, :2]).max(axis=1) < 0.5
+    for share, changes in ((0.45, False), (1.1, True)):
+        moved = points + np.where(near[:, None], [share * PLANE.step, 0, -1e-3], 0)
+        moved[:, :2] *= moved[:, 2:]
+        drawn = PLANE.reprojected(moved)
+        assert (drawn.source.ravel() != np.arange(64 * 64)).any() == changes
+    gone = points + np.array([3.0, 0, 0])
+    gone[::7, 2] = -1
+    drawn = PLANE.reprojected(gone)
+    assert (drawn.source >= 0).all()
+    assert PLANE.weights.sum() * 1.0 <= np.pi * (1 + 1e-4)
+
+
+class Estimates:
+    """Irradiance at random places of the box: now, one frame later, and foreseen; of one frame after another."""
+
+    def __init__(self, scene: Scene, frames: tuple[int, ...] = (5, 24, 40, 58, 77, 101), count: int = 16) -> None:
+        rng, found = np.random.default_rng(1), []
+        for frame in frames:
+            xy, wall = rng.uniform(-0.95, 0.95, (count, 2)), rng.random(count)[:, None] < 0.5
+            on_wall = np.stack([-np.ones(count), xy[:, 0], xy[:, 1] + 1], 1)
+            position = np.where(wall, on_wall, np.stack([*xy.T, np.zeros(count)], 1))
+            normal = np.where(wall, [[1.0, 0, 0]], [[0, 0, 1.0]])
+            found.append(self._errors(scene, frame, position, normal))
+        self.errors = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+
+    def _errors(self, scene: Scene, frame: int, position: F64, normal: F64) -> dict[str, F64]:
+        motion = motion_between(scene.world(frame), scene.world(frame + 1))
+        sites = Sites((position - motion.before.centre) * motion.before.scale, normal, normal)
+        now, later = (sampled(world_sampler(w), sites).irradiance[:, 0] for w in (motion.before, motion.after))
+        errors = {"none": now / later - 1}
+        for name, ahead in predictors(motion).items():
+            errors[name] = sampled(world_sampler(motion.before), sites, ahead).irradiance[:, 0] / later - 1
+        return errors
+
+    def mean(self, name: str) -> float:
+        return float(np.abs(self.errors[name]).mean())
+
+
+def world_sampler(world: object) -> TemporalSampler:
+    return TemporalSampler(world, GRID, ReflectedDirectLight(world), 0, Counter())  # type: ignore[arg-type]
+
+
+def sampled(sampler: TemporalSampler, sites: Sites, ahead: Ahead | None = None) -> Records:
+    """What will be, or is where nothing foresees."""
+    return sampler.sample(sites, np.arange(len(sites.position)), ahead)[1]
+
+
+def predictors(motion: Motion) -> dict[str, Ahead]:
+    sampler, later = world_sampler(motion.before), ReflectedDirectLight(motion.after)
+    points = {f"points {f}": Reprojection(motion, sampler, later, GRID, f) for f in (1, 4)}
+    return {"raycast": RayCast(motion, sampler, later), **points}
+
+
+@pytest.fixture(scope="module")
+def full_speed() -> Estimates:
+    return Estimates(toy_box())
+
+
+def test_a13_reprojection_beats_no_foresight(full_speed: Estimates) -> None:
+    assert full_speed.mean("points 4") < 0.6 * full_speed.mean("none")
+    slow = Estimates(toy_box(0.3, 0.3))
+    assert slow.mean("points 4") < 1.0 * slow.mean("none")
+    # single points can't follow what moves by less than a cell
+    assert slow.mean("points 1") > slow.mean("points 4")
+
+
+def test_recasting_only_what_may_have_changed_is_exact(full_speed: Estimates) -> None:
+    """The same hemispheres, cast whole: what isn't cast or shaded anew has the same bits, the rest differs by Embree's rounding."""
+    np.testing.assert_allclose(full_speed.errors["raycast"], 0, atol=1e-5)
+
+
+def test_a12_nothing_that_rests_is_touched() -> None:
+    world = room().world()
+    motion = motion_between(world, room().world())
+    assert motion.still
+    sites = Sites(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), np.array([[0.0, 0, 1]]))
+    now = sampled(world_sampler(world), sites)
+    for ahead in predictors(motion).values():
+        np.testing.assert_array_equal(sampled(world_sampler(world), sites, ahead).irradiance, now.irradiance)
+
+
+def test_a9_taylor_order_in_space_and_time() -> None:
+    """A lamp over a plane moves linearly: the error of value + gradients + trends falls with the square of the offsets."""
+    up, velocity = np.array([0.0, 0, 1]), np.array([0.02, 0.01, 0.005])
+    h = 1e-4
+
+    def at(p: F64, n: F64, t: float) -> float:
+        return lamp(p - velocity * t, n / np.linalg.norm(n))
+
+    def gradients(t: float) -> tuple[float, F64, F64]:
+        axes = np.eye(3) * h
+        translation = np.array([(at(a, up, t) - at(-a, up, t)) / (2 * h) for a in axes])
+        rotation = np.array([(at(0 * a, up + np.cross(a, up), t) - at(0 * a, up - np.cross(a, up), t)) / (2 * h) for a in axes])
+        return at(np.zeros(3), up, t), translation, rotation
+
+    (e0, t0, r0), (e1, t1, r1) = gradients(0.0), gradients(h)
+    three = np.ones(3)[:, None]
+    record = Records(np.zeros((1, 3)), up[None], np.ones(1), np.full((1, 3), e0), (three * t0)[None], (three * r0)[None])
+    later = Records(np.zeros((1, 3)), up[None], np.ones(1), np.full((1, 3), e1), (three * t1)[None], (three * r1)[None])
+    trends = Trends.between(record, later, np.full(1, h))
+    sites = Sites(record.position, record.normal, record.normal)
+    one = np.ones(1, np.int64)
+    timed = Timed.of(record, trends, sites, 0 * one, 0, 20 * one, 0 * one, 0 * one)
+    errors = []
+    for scale in (8.0, 4.0, 2.0, 1.0):
+        p = np.array([0.02, -0.015, 0.0]) * scale
+        n = up + np.array([0.02, 0.01, 0.0]) * scale
+        n /= np.linalg.norm(n)
+        value, _ = gather(p[None], n[None], timed.at(int(scale)), 1.0)
+        errors.append(abs(value[0, 0] - at(p, n, int(scale))))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders >= 1.8).all(), (errors, orders)
+
+
+def test_a19_an_interpolated_record_hands_over_its_successor_s_value() -> None:
+    rng = np.random.default_rng(3)
+
+    def some() -> Records:
+        return Records(*(rng.random(shape) for shape in ((5, 3), (5, 3), (5,), (5, 3), (5, 3, 3), (5, 3, 3))))
+
+    first, last, life = some(), some(), np.arange(2, 7)
+    none = np.zeros(5, np.int64)
+    sites = Sites(first.position, first.normal, first.normal)
+    for k in range(5):
+        timed = Timed.of(first, Trends.between(first, last, life.astype(float)), sites, none, 10, life, none, none)
+        value = timed.at(10 + int(life[k]))
+        for name in ("irradiance", "translation", "rotation"):
+            np.testing.assert_allclose(getattr(value, name)[k], getattr(last, name)[k], rtol=1e-12)
