@@ -15,6 +15,7 @@ depend on the order of the records, and after the records every pixel is reached
 | ------------- | ------- | ---- | ----------------------------- | ---------------------------------------------------------- |
 | a             | 0.15    | 1    | 0.01 … 1.4                    | accuracy: zones have radius a·R                            |
 | rays          | 4096    | 1    | 16 … 65536                    | rays a record                                              |
+| sampler       | polar   |      | polar, plane                  | rays all over a hemisphere, or through one plane of 64²    |
 | weight        | ward    |      | ward, shifted, tent           | weighting function                                         |
 | gradients     | true    |      |                               | extrapolate with gradients                                 |
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
@@ -24,12 +25,13 @@ depend on the order of the records, and after the records every pixel is reached
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
+| bounces       | one     |      | one, all                      | one bounce, or all, from a coarse cache of surface light   |
 | glossy        | records |      | records, diffuse              | glossy surfaces by radiance records, or as diffuse ones    |
 | glossy_a      | 0.15    | 1    | 0.01 … 1                      | accuracy of radiance records                               |
 | glossy_rays   | 16384   | 1    | 16 … 65536                    | rays a radiance record                                     |
 | harmonics     | auto    | 1    | 2 … 16                        | order of radiance records; auto: by material, up to 12     |
 | sharp         | traced  |      | traced, truncated             | lobes beyond the order                                     |
-| lobe_rays     | 64      | 1    | 1 … 4096                      | rays a pixel of a traced lobe                              |
+| lobe_rays     | 256     | 1    | 1 … 4096                      | rays a pixel of a traced lobe                              |
 | light_samples | 16      | 1    | 1 … 4096                      | samples of area lights and sky, per pixel of the direct layer |
 | subpixels     | 1       | 1    | 1 … 8                         | k: average k×k G-buffers, with common records              |
 """
@@ -41,6 +43,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import model_validator
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Settings, Transport, register, setting
@@ -49,6 +52,7 @@ from renderers.scene.world import World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
+    from renderers.transport.caching.incoming import Incoming
     from renderers.transport.caching.layers import Passes
     from renderers.transport.caching.placement import Placement
 
@@ -61,6 +65,11 @@ class RcsSettings(Settings):
 
     a: float = setting(0.15, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 2.8", ge=0.01, le=1.4)
     rays: int = setting(4096, "rays a record", source="Gautron 2006 §4.8", ge=16, le=65536)
+    sampler: Literal["polar", "plane"] = setting(
+        "polar",
+        "irradiance from rays all over a hemisphere, or through one plane of 64², its border stretched",
+        source="Gautron 2006 §4.2",
+    )
     weight: Literal["ward", "shifted", "tent"] = setting(
         "ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004"
     )
@@ -80,6 +89,9 @@ class RcsSettings(Settings):
         "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
     )
     records: int | None = setting(None, "at most so many records; empty: no limit", source="Gautron 2006 §4.7", ge=1, le=10**6)
+    bounces: Literal["one", "all"] = setting(
+        "one", "one bounce, or all: hits of rays reflect the light of a coarse cache too", source="Ward 1988"
+    )
     glossy: Literal["records", "diffuse"] = setting(
         "records", "glossy surfaces by radiance records, or as diffuse ones of the same mean albedo", source="Gautron 2006 §4.4"
     )
@@ -89,8 +101,15 @@ class RcsSettings(Settings):
         None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
     )
     sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
-    lobe_rays: int = setting(64, "rays a pixel of a traced lobe", ge=1, le=4096)
+    lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
+
+    @model_validator(mode="after")
+    def _known_curvature(self) -> RcsSettings:
+        """Raises ValueError where the placement needs what the sampler doesn't know."""
+        if self.sampler == "plane" and self.placement == "hessian":
+            raise ValueError("placement=hessian needs sampler=polar: the plane knows no curvature")
+        return self
 
 
 class RadianceCacheSplatting(Method):
@@ -107,14 +126,14 @@ class RadianceCacheSplatting(Method):
     }
 
     def transport(self, settings: Any) -> Transport:
-        """One bounce, both visibilities."""
-        return "one-bounce"
+        """One bounce, both visibilities, or all."""
+        return "one-bounce" if settings.bounces == "one" else "full"
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
         with watch("warm-up", "prepare"):
             warm_up(world)
-            passes = passes_of(world, settings, context, counters)
+        passes = passes_of(world, settings, context, counters)
         from renderers.transport.direct import direct, emitted
         from renderers.transport.primary import cast_gbuffer
 
@@ -140,22 +159,45 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
     from renderers.transport.caching.hemisphere import PolarSampler, grid_of
     from renderers.transport.caching.incoming import ReflectedDirectLight
     from renderers.transport.caching.layers import IrradianceCache, Passes, RadianceCache
+    from renderers.transport.caching.plane import PlaneSampler
     from renderers.transport.caching.radiance import RadianceSampler
     from renderers.transport.caching.reflectance import gloss_of
 
-    seed, height, incoming = context.seed, context.size[1], ReflectedDirectLight(world)
+    seed, height = context.seed, context.size[1]
+    incoming: Incoming = ReflectedDirectLight(world)
+    if settings.bounces == "all":
+        incoming = all_bounces(world, incoming, context, counters)
     pilot = PolarSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters=counters).distances
     sampler = PolarSampler(world, grid_of(settings.rays), incoming, seed, counters=counters)
+    if settings.sampler == "plane":
+        sampler = PlaneSampler(world, incoming, seed, counters=counters)
     diffuse = IrradianceCache(world, sampler, pilot, placement_of(world, height, settings, seed), settings.records)
     gloss = gloss_of(world, settings.harmonics, settings.sharp == "truncated") if settings.glossy == "records" else None
     if gloss is None or not gloss.shiny:
         return Passes(world, diffuse, None, gloss, settings.lobe_rays, incoming)
     radiance = None
     if gloss.order:
+        with context.watch("warm-up", "prepare"):
+            from renderers.transport.caching.glossy import warm_up as prepare_turns
+
+            prepare_turns(gloss.order)
         radiance_sampler = RadianceSampler(world, grid_of(settings.glossy_rays), incoming, gloss.order, seed, counters=counters)
         how = placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
         radiance = RadianceCache(world, gloss, radiance_sampler, pilot, how, settings.records)
     return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
+
+
+def all_bounces(world: World, direct: Incoming, context: Context, counters: Counter[str]) -> Incoming:
+    """Direct light reflected, with the light of a coarse cache made for what the camera sees."""
+    from renderers.transport.caching.bounces import AllReflectedLight, anchors_of
+    from renderers.transport.caching.records import Sites
+    from renderers.transport.direct import receivers_of
+    from renderers.transport.primary import cast_gbuffer
+
+    with context.watch("anchors"):
+        gbuffer = cast_gbuffer(world, context.size)
+        sites = Sites(*receivers_of(world, gbuffer, np.flatnonzero(gbuffer.covered)))
+        return AllReflectedLight(world, direct, anchors_of(world, sites, direct, context.seed, counters))
 
 
 def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:

@@ -5,6 +5,7 @@
 | `records` | records as a structure of arrays, places to put them |
 | `incoming` | reflected direct light of whatever the rays of a hemisphere hit |
 | `hemisphere` | polar hemispheres cast in large batches, and records made of them |
+| `plane` | hemispheres through one plane, as rasterised, with border compensation |
 | `gradients` | irradiance, its rotation and translation gradients, harmonic mean distance of polar hemispheres |
 | `limits` | clamps of the radius, gradient limit, neighbour clamping |
 | `weights` | weight and zone of influence |
@@ -14,6 +15,7 @@
 | `reflectance` | BRDFs of glossy materials as coefficients; what is too sharp for them |
 | `glossy`, `glossy_kernels` | radiance records added to the pixels inside their zones |
 | `traced` | lobes too sharp for records |
+| `bounces` | all bounces, from a coarse cache of surface light |
 | `layers` | irradiance and radiance caches in use, view after view |
 
 Positions, radii and distances are in World units (half the scene's diagonal is 1).

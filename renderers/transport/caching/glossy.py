@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,16 @@ def radiance_columns(records: Records, gradients: bool = True) -> RadianceColumn
     tangents = np.stack(frame(records.normal.astype(np.float64)), axis=1)
     columns = records.position, records.normal, records.radius, tangents, parts
     return RadianceColumns(*(np.ascontiguousarray(column, np.float32) for column in columns))
+
+
+@cache
+def warm_up(order: int) -> None:
+    """Compile (or load) the kernels and make the tables of turns of an order; once a process."""
+    point, up = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+    zeros, light = np.zeros((1, 3, 3)), np.zeros((1, order**2, 3))
+    records = Records(point, up, np.ones(1), point, zeros, zeros, light, np.zeros((1, 2, order**2, 3)))
+    canvas = Canvas(np.zeros(1, np.intp), 1, point, up)
+    reflected(canvas, records, lambda part: np.zeros((1, 3, order**2), np.float32), 0.1)
 
 
 def reflected(

@@ -1,0 +1,189 @@
+"""Hemispheres seen through one square plane z = 1, |x|, |y| ≤ h, as a rasteriser would see them, and what makes up for the rest.
+
+N × N pixels [i, j], x growing with i, y with j; q² = 1 + x² + y². A pixel's cosine-weighted solid angle is ∫ dA/q⁴, exactly, by
+F(x, y) = ½ [x/√(1+x²) arctan(y/√(1+x²)) + y/√(1+y²) arctan(x/√(1+y²))] at its corners. Irradiance Σ c_p L_p is then
+
+    plane      of what the plane sees alone: 17 % of a constant light is lost at h = 2
+    coverage   that, divided by the share of the cosine that the plane covers                     Larsen & Christensen 2004
+    axis       border pixels stretched to infinity along x and y
+    radial     border pixels stretched away from the centre: a direction beyond the border takes the light of the pixel that it
+               meets on its way in. Azimuths are kept                                                  Gautron 2006, section 4.2
+
+Gradients follow from edges between pixels: a point at depth Z moves by -δ/Z on the plane when the observer moves by δ, and the
+nearer of two neighbours decides:  ∂E/∂x = Σ (L_ij - L_{i-1,j}) / min(Z) ∫ dy/q⁴ along their edge; stretched pixels share radial
+edges too.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.scene.world import World
+from renderers.transport.caching.gradients import Moments
+from renderers.transport.caching.hemisphere import Grid, Hemispheres, PolarSampler, records_of
+from renderers.transport.caching.incoming import Incoming
+from renderers.transport.caching.records import Records, Sites
+from renderers.transport.hemispherical.quadrature import gauss_legendre
+from renderers.transport.raycast import OFFSET
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+Compensation = Literal["plane", "coverage", "axis", "radial"]
+SIZE, HALF_WIDTH = 64, 2.0
+FAR = 1e12
+NODES = 8
+
+
+class PlaneWeights(NamedTuple):
+    """cosine, solid (N, N): (cosine-weighted) solid angle of each pixel; turn (N, N, 2): its share of the rotation gradient."""
+
+    cosine: F64
+    solid: F64
+    turn: F64
+
+
+def covered_cosine(half_width: float) -> float:
+    """Share of π that the plane sees, F(h)."""
+    g = half_width / np.sqrt(1 + half_width**2)
+    return float(4 / np.pi * g * np.arctan(g))
+
+
+def covered_solid_angle(half_width: float) -> float:
+    """Share of 2π that the plane sees, F_Ω(h)."""
+    return float(2 / np.pi * np.arcsin(half_width**2 / (1 + half_width**2)))
+
+
+@lru_cache(maxsize=16)
+def plane_weights(size: int = SIZE, half_width: float = HALF_WIDTH, compensation: Compensation = "radial") -> PlaneWeights:
+    """Weights of a plane with size² pixels. `coverage` scales all of them by the cosine's share."""
+    edges = np.linspace(-half_width, half_width, size + 1)
+    if compensation == "axis":
+        edges[[0, -1]] = -FAR, FAR
+    x, y = np.meshgrid(edges, edges, indexing="ij")
+    cosine, solid = _cells(_cosine_corner(x, y)), _cells(np.arctan(x / np.sqrt(1 + x * x + y * y) * y))
+    turn = np.stack([-_cells(_moment_corner(y, x)), _cells(_moment_corner(x, y))], axis=-1)
+    if compensation == "radial":
+        _stretch(cosine, solid, turn, edges)
+    scale = 1 / covered_cosine(half_width) if compensation == "coverage" else 1.0
+    return PlaneWeights(cosine * scale, solid * scale, turn * scale)
+
+
+def _cosine_corner(x: F64, y: F64) -> F64:
+    a, b = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
+    return np.asarray((x / a * np.arctan(y / a) + y / b * np.arctan(x / b)) / 2)
+
+
+def _moment_corner(x: F64, y: F64) -> F64:
+    """Corner function of ∫ x dA/q⁴."""
+    a = np.sqrt(1 + x * x)
+    return np.asarray(-np.arctan(y / a) / (2 * a))
+
+
+def _cells(corner: F64) -> F64:
+    return np.asarray(np.diff(np.diff(corner, axis=0), axis=1))
+
+
+def _sides(size: int) -> list[tuple[NDArray[np.intp], NDArray[np.intp], int, int]]:
+    """Of each side: its pixels (i, j) in growing y or x, quarter turns from +x, whether they go with φ (1) or against (-1)."""
+    run, last, none = np.arange(size), np.full(size, size - 1), np.zeros(size, np.intp)
+    return [(last, run, 0, 1), (run, last, 1, -1), (none, run, 2, -1), (run, none, 3, 1)]
+
+
+def _stretch(cosine: F64, solid: F64, turn: F64, edges: F64) -> None:
+    """Add what border pixels gain by being pulled outwards. The weights of a side, seen from +x, are those of any other."""
+    h, g = edges[-1], np.sqrt(1 + edges[-1] ** 2)
+    phi = np.arctan2(edges, h)
+    more_cosine = np.diff(phi - h / g * np.arctan(edges / g)) / 2
+    more_solid = np.diff(np.arcsin(np.sin(phi) / g))
+    nodes, share = gauss_legendre(NODES, 0, 1)
+    angle = phi[:-1, None] + np.diff(phi)[:, None] * nodes
+    beyond = np.arctan2(h, np.cos(angle))
+    weight = (np.pi / 2 - beyond + np.sin(beyond) * np.cos(beyond)) / 2 * share * np.diff(phi)[:, None]
+    for i, j, quarter, sense in _sides(len(cosine)):
+        around = sense * angle + quarter * np.pi / 2
+        cosine[i, j] += more_cosine
+        solid[i, j] += more_solid
+        turn[i, j, 0] -= (weight * np.sin(around)).sum(axis=1)
+        turn[i, j, 1] += (weight * np.cos(around)).sum(axis=1)
+
+
+def plane_translation(
+    radiance: NDArray[np.floating], nearness: NDArray[np.floating], half_width: float = HALF_WIDTH, radial: bool = True
+) -> F64:
+    """Translation gradients (K, 3, 2) in the frames of planes (K, N, N, 3) with 1/r (K, N, N); radial: border pixels stretched."""
+    size = nearness.shape[1]
+    edges = np.linspace(-half_width, half_width, size + 1)
+    middle = (edges[1:] + edges[:-1]) / 2
+    near = nearness * np.sqrt(1 + middle[:, None] ** 2 + middle**2)
+    light = np.asarray(radiance, np.float64)
+    a = np.sqrt(1 + edges[1:-1] ** 2)[:, None]
+    along = np.diff(edges / (2 * a**2 * (a**2 + edges**2)) + np.arctan(edges / a) / (2 * a**3), axis=1)
+    slopes = []
+    for axis in (1, 2):
+        rows, values = np.swapaxes(near, 1, axis), np.swapaxes(light, 1, axis)
+        swept = np.maximum(rows[:, 1:], rows[:, :-1]) * along
+        slopes.append(np.einsum("kij,kijc->kc", swept, np.diff(values, axis=1)))
+    gradient = np.stack(slopes, axis=-1)
+    return gradient + _radial_edges(light, near, edges) if radial else gradient
+
+
+def _radial_edges(light: F64, near: NDArray[np.floating], edges: F64) -> F64:
+    """What edges between stretched pixels add, (K, 3, 2)."""
+    reach = np.hypot(edges[-1], edges[1:-1])
+    phi = np.arctan2(edges[1:-1], edges[-1])
+    total = np.zeros((len(light), 3, 2))
+    for i, j, quarter, sense in _sides(near.shape[1]):
+        swept = np.maximum(near[:, i[1:], j[1:]], near[:, i[:-1], j[:-1]]) / (2 * (1 + reach**2) * reach)
+        around = sense * phi + quarter * np.pi / 2
+        tangent = sense * np.stack([-np.sin(around), np.cos(around)], axis=1)
+        total += np.einsum("ke,kec,et->kct", swept, np.diff(light[:, i, j], axis=1), tangent)
+    return total
+
+
+def plane_moments(
+    radiance: NDArray[np.floating], nearness: NDArray[np.floating], half_width: float = HALF_WIDTH,
+    compensation: Compensation = "radial",
+) -> Moments:  # fmt: skip
+    """Moments of K planes with radiance (K, N, N, 3) and nearness 1/r (K, N, N), 0 where nothing is hit; without Hessian (0)."""
+    weights = plane_weights(nearness.shape[1], half_width, compensation)
+    mean = np.einsum("kij,ij->k", nearness, weights.cosine) / weights.cosine.sum()
+    return Moments(
+        irradiance=np.einsum("kijc,ij->kc", radiance, weights.cosine),
+        translation=plane_translation(radiance, nearness, half_width, compensation == "radial"),
+        rotation=np.einsum("kijc,ijt->kct", radiance, weights.turn),
+        radius=np.where(mean > 0, 1 / np.where(mean > 0, mean, 1), np.inf),
+        hessian=np.zeros((len(radiance), 3)),
+    )
+
+
+class PlaneSampler(PolarSampler):
+    """Computes records from rays through the pixel centres of one plane; in use like a `PolarSampler`. It knows no curvature."""
+
+    def __init__(
+        self, world: World, incoming: Incoming, seed: int = 0, size: int = SIZE, half_width: float = HALF_WIDTH,
+        compensation: Compensation = "radial", counters: Counter[str] | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(world, Grid(size, size), incoming, seed, False, counters)
+        self._half_width, self._compensation = half_width, compensation
+        middle = (np.arange(size) + 0.5) * (2 * half_width / size) - half_width
+        x, y = np.meshgrid(middle, middle, indexing="ij")
+        local = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
+        self._local = local / np.linalg.norm(local, axis=1, keepdims=True)
+
+    def summed(self, sites: Sites, cast: Hemispheres) -> Records:
+        """See `PolarSampler.summed`."""
+        moments = plane_moments(cast.radiance, cast.nearness, self._half_width, self._compensation)
+        return replace(records_of(sites, cast.tangents, moments), curvature=None)
+
+    def _rays(self, sites: Sites, tangents: F64, random: F64) -> tuple[F32, F32]:
+        axes = np.concatenate([tangents, sites.normal[:, None]], axis=1)
+        directions = np.einsum("pt,ktd->kpd", self._local, axes)
+        side = np.where(np.einsum("kpd,kd->kp", directions, sites.geometric) >= 0, OFFSET, -OFFSET)
+        origins = sites.position[:, None] + side[..., None] * sites.geometric[:, None]
+        return origins.reshape(-1, 3).astype(np.float32), directions.reshape(-1, 3).astype(np.float32)
