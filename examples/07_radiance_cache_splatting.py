@@ -10,12 +10,10 @@ from collections import Counter
 import numpy as np
 
 import renderers
+from renderers.frame import Stopwatch
 from renderers.images import write_png
-from renderers.methods.rcs import placement_of, samplers_of
-from renderers.transport.caching.placement import fill
-from renderers.transport.caching.records import Sites
-from renderers.transport.caching.splat import Canvas
-from renderers.transport.direct import receivers_of
+from renderers.method import Context
+from renderers.methods.rcs import passes_of
 from renderers.transport.primary import cast_gbuffer
 
 scene, size = renderers.load_scene("cornell-box"), (256, 256)
@@ -27,14 +25,13 @@ for timing in frame.timings:
 print(f"{frame.counters['records']} records, {frame.counters['rays'] / 1e6:.1f} M rays")
 
 # The same by hand, to see the records.
-world = scene.world()
+world, watch, counters = scene.world(), Stopwatch(), Counter[str]()
 gbuffer = cast_gbuffer(world, size)
-canvas = Canvas.of(gbuffer)
-sites = Sites(*receivers_of(world, gbuffer, canvas.rows))
-records = fill(canvas, sites, *samplers_of(world, settings, 0, Counter()), placement_of(settings, 0))
+cache = passes_of(world, settings, Context(size, 0, 0, watch), counters).diffuse
+canvas = cache.filled(gbuffer, gbuffer.covered, watch, counters)
 panel = np.zeros((size[1] * size[0], 3))
 panel[canvas.rows] = canvas.irradiance / np.pi
-places = {tuple(p) for p in records.position.astype(np.float32).tolist()}
+places = {tuple(p) for p in cache.records.position.astype(np.float32).tolist()}
 dots = [row for row, p in zip(canvas.rows, canvas.position.tolist(), strict=True) if tuple(p) in places]
 panel[dots] = [1.0, 0.2, 0.0]
 

@@ -55,7 +55,7 @@ def surfaces(scene: Scene, light: CombinedShadows) -> np.ndarray:
     world = scene.world()
     g = cast_gbuffer(world, SIZE)
     hidden = np.maximum(light.hidden(g.position.reshape(-1, 3)), 0).reshape(g.triangle.shape)
-    return emitted(world, g) + direct(world, g, 16, 0, "none") * (1 - hidden[..., None])
+    return np.asarray(emitted(world, g) + direct(world, g, 16, 0, "none") * (1 - hidden[..., None]))
 
 
 def fog(scene: Scene, light: CombinedShadows, image: np.ndarray) -> np.ndarray:

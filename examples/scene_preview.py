@@ -29,7 +29,7 @@ def view(name: str) -> np.ndarray:
     color[np.isin(hit, world.emissive)] = 1
     color[cosine < 0] *= (0.5, 0.5, 1.0)
     color[hit < 0] = 0
-    return (255 * color ** (1 / 2.2)).astype(np.uint8).reshape(SIZE[1], SIZE[0], 3)
+    return np.asarray((255 * color ** (1 / 2.2)).astype(np.uint8).reshape(SIZE[1], SIZE[0], 3))
 
 
 def main() -> None:

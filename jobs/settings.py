@@ -24,7 +24,7 @@ LIMITS = {
 def validate(method: Method, values: Mapping[str, Any]) -> Settings:
     """The method's settings. Raises RequestError naming method, setting and range."""
     try:
-        return method.Settings.model_validate(dict(values))
+        settings: Settings = method.Settings.model_validate(dict(values))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         name = ".".join(str(part) for part in first["loc"]) or "settings"
@@ -35,11 +35,13 @@ def validate(method: Method, values: Mapping[str, Any]) -> Settings:
         allowed = limits(field)
         wanted = f"must be {allowed}" if allowed else first["msg"]
         raise RequestError(f"{method.name}.{name} {wanted} (got {first['input']!r})") from None
+    return settings
 
 
 def schema(method: Method) -> dict[str, Any]:
     """JSON schema of the method's settings."""
-    return method.Settings.model_json_schema()
+    described: dict[str, Any] = method.Settings.model_json_schema()
+    return described
 
 
 def limits(field: Mapping[str, Any]) -> str:

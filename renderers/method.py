@@ -73,7 +73,7 @@ class Method(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     source: ClassVar[str]
-    Settings: ClassVar[type[Settings]] = Settings
+    Settings: ClassVar[type[Any]] = Settings
     claims: ClassVar[Mapping[str, Claim]] = {}
 
     @abstractmethod

@@ -112,11 +112,12 @@ def _traced(world: Any, settings: PathTracingSettings, context: Context) -> NDAr
     points = _points(settings.subpixels, settings.pixel)
     with watch("warm-up", "prepare"):
         for part in sorted(set(parts)):
-            mean_image(scene, estimate, context.size, part, method_stream(context.seed, 0), points[0], active=False)
+            mean_image(scene, estimate, context.size, part, method_stream(context.seed, 0, context.frame), points[0], active=False)
     total = np.zeros((context.size[1], context.size[0], 3))
     with watch("paths"):
         for number, (point, part) in enumerate((point, part) for point in points for part in parts):
-            total += mean_image(scene, estimate, context.size, part, method_stream(context.seed, number), point) * part
+            stream = method_stream(context.seed, number, context.frame)
+            total += mean_image(scene, estimate, context.size, part, stream, point) * part
     return (total / (settings.spp * len(points))).astype(np.float32)
 
 

@@ -15,7 +15,6 @@ it gives back as lag: light that changes on a surface that doesn't move is seen 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from renderers.transport.temporal.accumulation import History
 
 SOURCE = "Nehab et al. 2007; Karis 2014"
-FRAMES = 1 << 32
 
 
 class PtTemporalSettings(Settings):
@@ -62,8 +60,7 @@ class TemporalPathTracing(SequenceMethod):
         past: History | None = None
         paths = PathTracingSettings(transport=settings.transport, spp=settings.spp, subpixels=settings.subpixels)
         for context in contexts:
-            seed = context.seed * FRAMES + context.frame
-            traced = PathTracing()._render(scene, paths, replace(context, seed=seed))
+            traced = PathTracing()._render(scene, paths, context)
             world = scene.world(context.frame)
             with context.watch("gbuffer"):
                 gbuffer = cast_gbuffer(world, context.size)

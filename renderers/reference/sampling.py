@@ -69,11 +69,11 @@ def reference_stream(replicate: int) -> Callable[[int], int]:
     return lambda band: (band & 0x7FFF) << 16 | replicate
 
 
-def method_stream(seed: int, number: int) -> Callable[[int], int]:
-    """Seeds of pass `number` of a path-traced picture with `seed`: disjoint from those of references."""
+def method_stream(seed: int, number: int, frame: int = 0) -> Callable[[int], int]:
+    """Seeds of pass `number` of a path-traced picture with `seed`: disjoint from those of references, others in every frame."""
 
     def stream(band: int) -> int:
-        digest = hashlib.sha256(f"{seed} {number} {band}".encode()).digest()
+        digest = hashlib.sha256(f"{seed} {frame} {number} {band}".encode()).digest()
         return 0x80000000 | int.from_bytes(digest[:4], "big")
 
     return stream
