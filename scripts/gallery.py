@@ -1,4 +1,4 @@
-"""Contact sheet: every method on a row of scenes, each image beside its matched reference and a map of its signed relative error.
+"""Contact sheet: a row for each method, and of each scene its image, the matched reference and a map of the signed relative error.
 
     python scripts/gallery.py --out gallery [--scene S]… [--method M]… [--size 160x90] [--noise 0.02]
 
@@ -82,16 +82,15 @@ def main() -> None:
     width, height = (int(n) for n in options.size.split("x"))
     methods = options.method or list(renderers.registered_methods())
     options.out.mkdir(parents=True, exist_ok=True)
-    rows = [
-        panels_of(scene, methods, (width, height), options.noise, options.out / "references") for scene in options.scene or SCENES
-    ]
+    scenes = options.scene or SCENES
     step_x, step_y = width + GAP, height + CAPTION + GAP
-    sheet = Image.new("RGB", (len(rows[0]) * step_x, len(rows) * step_y), "white")
-    for y, panels in enumerate(rows):
-        for x, picture in enumerate(panels):
-            sheet.paste(picture, (x * step_x, y * step_y))
-    sheet.save(options.out / "gallery.png")
-    print(options.out / "gallery.png")
+    sheet = Image.new("RGB", (3 * len(scenes) * step_x, len(methods) * step_y), "white")
+    for column, scene in enumerate(scenes):
+        panels = panels_of(scene, methods, (width, height), options.noise, options.out / "references")
+        for number, picture in enumerate(panels):
+            sheet.paste(picture, ((3 * column + number % 3) * step_x, number // 3 * step_y))
+        sheet.save(options.out / "gallery.png")
+        print(f"{options.out / 'gallery.png'}: {scene}", flush=True)
 
 
 if __name__ == "__main__":
