@@ -103,7 +103,7 @@ def test_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert sorted(p.name for p in out.iterdir()) == ["reference.exr", "reference.json", "reference.png"]
     assert document == json.loads((out / "reference.json").read_text())
     layers, attributes = read_exr(out / "reference.exr")
-    assert set(layers) == {"", "mean", "variance", "luminance_variance"}
+    assert set(layers) == {"", "mean", "variance", "luminance_variance", "noise_sample"}
     assert layers["mean"].shape == (8, 12, 3)
     assert int(attributes["n"]) == document["replicates"] >= 16
     assert 0 < document["noise"] <= 0.1

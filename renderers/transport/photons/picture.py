@@ -49,7 +49,8 @@ def photon_picture(world: World, gbuffer: GBuffer, photons: Photons) -> F32:
     pixel = pixels_of(world, gbuffer, photons.position, photons.normal)
     seen, count = pixel >= 0, gbuffer.triangle.size
     hits = np.bincount(pixel[seen], minlength=count)
-    flux = np.stack([np.bincount(pixel[seen], photons.flux[seen, c], count) for c in range(3)], axis=1)
+    # of no photons at all, bincount counts integers
+    flux = np.stack([np.bincount(pixel[seen], photons.flux[seen, c], count) for c in range(3)], axis=1).astype(np.float64)
     largest = flux.max(axis=1, keepdims=True)
     colour = np.divide(flux, largest, out=np.zeros_like(flux), where=largest > 0)
     brightness = np.log1p(hits) / np.log1p(max(int(hits.max(initial=0)), 1))
