@@ -73,7 +73,7 @@ def method_stream(seed: int, number: int, frame: int = 0) -> Callable[[int], int
     """Seeds of pass `number` of a path-traced picture with `seed`: disjoint from those of references, others in every frame."""
 
     def stream(band: int) -> int:
-        digest = hashlib.sha256(f"{seed} {frame} {number} {band}".encode()).digest()
+        digest = hashlib.sha256(f"{seed} {(frame << 32) + number} {band}".encode()).digest()
         return 0x80000000 | int.from_bytes(digest[:4], "big")
 
     return stream
