@@ -8,24 +8,22 @@ take their places, and a part of a sequence that of the whole where the whole wo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jobs.claims.bench import Bench
 from jobs.claims.model import Measurement, PublishedClaim, Row, held, row
 from jobs.claims.registry import register
-from renderers import Scene, get_method
+from jobs.claims.trc_runs import REFERENCE_RAYS, Ask, Run, Truth, accuracy, flicker, rmse, runs_of, truth_of
+from renderers import Scene
 
 SOURCE = "Gautron 2006"
 SIZE = (64, 48)
 A, RAYS = 0.2, 1024
-REFERENCE_RAYS = 1024
 # Consecutive frames that errors and flicker are taken from
 WINDOW = 10
-F64 = NDArray[np.float64]
 
 
 class Case(NamedTuple):
@@ -46,65 +44,21 @@ CASES = {
     "bouncing-spheres": Case("bouncing-spheres", 40, 200, 5, 4.24),
 }
 MODES = ("none", "extrapolated", "interpolated")
+# records made together live for `delta_max` frames, whatever the light does
+ALIKE: dict[str, Any] = {"stagger": False, "a_t": 10, "guard": False}
 
 
-@dataclass(frozen=True)
-class Run:
-    """What one way of caching gave: pictures of indirect light (N, H, W, 3), records of each frame, CPU seconds."""
-
-    indirect: F64
-    records: NDArray[np.int64]
-    alive: NDArray[np.int64]
-    seconds: float
+def temporal(bench: Bench, scene: Scene, frames: int, truth: Truth, **ways: dict[str, Any]) -> dict[str, Run]:
+    """Frames 0 … frames - 1 by `trc` in several ways, which take turns."""
+    bench.report(f"{scene.name}: trc, {frames} frames, {ways}")
+    asks = {name: Ask("trc", {"a": A, "rays": RAYS, **values}) for name, values in ways.items()}
+    return runs_of(scene, asks, SIZE, (0, frames - 1), truth)
 
 
-def run_of(bench: Bench, scene: Scene, frames: int, **values: Any) -> Run:
-    """Render frames 0 … frames - 1 from a fresh copy of a scene."""
-    method = get_method("trc")
-    settings = method.Settings(**{"a": A, "rays": RAYS, **values})
-    bench.report(f"{scene.name}: trc, {frames} frames, {values}")
-    done = list(method.render_frames(replace(scene), settings, size=SIZE, frames=(0, frames - 1)))
-    seconds = sum(t.cpu_s for f in done for t in f.timings if t.stage == "render")
-    records, alive = (np.array([f.counters[name] for f in done]) for name in ("records", "records_alive"))
-    return Run(np.array([f.layers["indirect"] for f in done], np.float64), records, alive, seconds)
-
-
-def exact(bench: Bench, scene: Scene, frames: Sequence[int]) -> F64:
-    """One bounce by a hemisphere at every pixel, with the same random numbers in every frame: (N, H, W, 3)."""
-    from renderers.methods.rcs import albedos
-    from renderers.transport.caching.hemisphere import PolarSampler, grid_of
-    from renderers.transport.caching.incoming import ReflectedDirectLight
-    from renderers.transport.caching.records import Sites
-    from renderers.transport.direct import receivers_of
-    from renderers.transport.primary import cast_gbuffer
-
+def exact(bench: Bench, scene: Scene, frames: Sequence[int]) -> Truth:
+    """Hemispheres at every pixel."""
     bench.report(f"{scene.name}: hemispheres at every pixel, {len(frames)} frames")
-    images = np.zeros((len(frames), SIZE[1] * SIZE[0], 3))
-    for image, frame in zip(images, frames, strict=True):
-        world = scene.world(frame)
-        gbuffer = cast_gbuffer(world, SIZE)
-        rows = np.flatnonzero(gbuffer.covered)
-        sampler = PolarSampler(world, grid_of(REFERENCE_RAYS), ReflectedDirectLight(world), seed=1)
-        irradiance = sampler(Sites(*receivers_of(world, gbuffer, rows))).irradiance
-        image[rows] = irradiance * albedos(world, gbuffer).reshape(-1, 3)[rows] / np.pi
-    return images.reshape(len(frames), SIZE[1], SIZE[0], 3)
-
-
-def flicker(indirect: F64, truth: F64) -> float:
-    """RMS of the error's change from frame to frame, over the mean of the truth."""
-    error = (indirect - truth) / truth.mean()
-    return float(np.sqrt(np.mean((error[1:] - error[:-1]) ** 2)))
-
-
-def rmse(indirect: F64, truth: F64) -> float:
-    """RMS error over the mean of the truth."""
-    return float(np.sqrt(np.mean((indirect - truth) ** 2)) / truth.mean())
-
-
-def accuracy(indirect: F64, truth: F64) -> F64:
-    """Percent, of each frame: 100 (1 - mean relative error)."""
-    relative = np.abs(indirect - truth) / np.maximum(truth, 1e-3 * truth.mean())
-    return np.asarray(100 * (1 - relative.mean(axis=(1, 2, 3))))
+    return truth_of(scene, SIZE, frames)
 
 
 def scene_of(bench: Bench, name: str) -> Scene:
@@ -149,23 +103,21 @@ def five_scenes(bench: Bench) -> Measurement:
 def scene_rows(bench: Bench, name: str, case: Case) -> list[Row]:
     """Rows of one scene."""
     scene = scene_of(bench, name)
-    run_of(bench, scene, 2, rays=64)  # compiles
-    plain = run_of(bench, scene, case.frames, cache="per-frame")
-    kept = run_of(bench, scene, case.frames, delta_max=case.longest)
-    window = range(case.frames // 2 - WINDOW // 2, case.frames // 2 + WINDOW // 2)
-    truth = exact(bench, scene, window)
-    part = slice(window.start, window.stop)
+    truth = exact(bench, scene, range(case.frames // 2 - WINDOW // 2, case.frames // 2 + WINDOW // 2))
+    ways: dict[str, dict[str, Any]] = {"plain": {"cache": "per-frame"}, "kept": {"delta_max": case.longest}}
+    temporal(bench, scene, 2, Truth.none(SIZE), **ways)  # compiles
+    plain, kept = temporal(bench, scene, case.frames, truth, **ways).values()
     comparable = name != "interior"
-    speed = plain.seconds / kept.seconds
+    speed = plain.cpu.sum() / kept.cpu.sum()
     return [
         row(f"{name}.speedup", "per-frame caching's time over temporal caching's", "1", case.speedup, [speed], "higher",
             comparable=comparable),
         row(f"{name}.flicker_ratio", "flicker of per-frame caching over temporal caching's", "1", None,
-            [flicker(plain.indirect[part], truth) / flicker(kept.indirect[part], truth)], "higher"),
+            [flicker(plain.indirect, truth.indirect) / flicker(kept.indirect, truth.indirect)], "higher"),
         row(f"{name}.records_ratio", "records computed, per-frame caching's over temporal caching's", "1",
             772 / 50 if name == "cube-in-a-box" else None, [plain.records.sum() / kept.records.sum()], "higher"),
         row(f"{name}.rmse_ratio", "error of temporal caching over that of per-frame caching", "1", None,
-            [rmse(kept.indirect[part], truth) / rmse(plain.indirect[part], truth)], "lower"),
+            [rmse(kept.indirect, truth.indirect) / rmse(plain.indirect, truth.indirect)], "lower"),
     ]  # fmt: skip
 
 
@@ -173,11 +125,12 @@ def accuracy_over_time(bench: Bench) -> Measurement:
     """Figure 5.10: accuracy over the life of records made together, by gradient mode, and its step where they are renewed."""
     scene, frames = scene_of(bench, "cube-in-a-box"), range(24)
     truth = exact(bench, scene, frames)
+    exactly = truth.indirect
     rows: list[Row] = []
     steps: dict[str, float] = {}
     for mode in MODES:
-        run = run_of(bench, scene, len(frames), gradients_in_time=mode, stagger=False, a_t=10, guard=False)
-        percent = accuracy(run.indirect, truth)
+        run = temporal(bench, scene, len(frames), truth, run={**ALIKE, "gradients_in_time": mode})["run"]
+        percent = accuracy(run.indirect, exactly)
         steps[mode] = float(abs(percent[20] - percent[19]))
         worst = 98.0 if mode == "interpolated" else None
         rows.append(row(f"{mode}.worst", f"least accuracy, {mode}", "%", worst, [float(percent.min())], "higher"))
@@ -185,7 +138,7 @@ def accuracy_over_time(bench: Bench) -> Measurement:
             row(f"{mode}.frame_{k}", f"accuracy at frame {k}, {mode}", "%", None, [float(percent[k])]) for k in (0, 10, 19, 20)
         ]
         rows.append(row(f"{mode}.step", f"step of the accuracy at the renewal, {mode}", "percentage points", None, [steps[mode]]))
-        drift = float(np.sqrt(np.mean((run.indirect[19] - run.indirect[0] - truth[19] + truth[0]) ** 2)) / truth.mean())
+        drift = float(np.sqrt(np.mean((run.indirect[19] - run.indirect[0] - exactly[19] + exactly[0]) ** 2)) / exactly.mean())
         rows.append(row(f"{mode}.drift", f"RMS error of the change from frame 0 to 19, {mode}", "of the mean", None, [drift]))
     rows.append(held("order", "interpolated gradients step less at the renewal than none", [steps["interpolated"] < steps["none"]]))
     notes = [
@@ -198,8 +151,7 @@ def accuracy_over_time(bench: Bench) -> Measurement:
 def memory(bench: Bench) -> Measurement:
     """Section 5.6: records, and the bytes that they take, of the whole sequence."""
     scene, case = scene_of(bench, "cube-in-a-box"), CASES["cube-in-a-box"]
-    plain = run_of(bench, scene, case.frames, cache="per-frame")
-    kept = run_of(bench, scene, case.frames)
+    plain, kept = temporal(bench, scene, case.frames, Truth.none(SIZE), plain={"cache": "per-frame"}, kept={}).values()
     ratio = plain.records.sum() / kept.records.sum()
     # position, normal, R, E and two gradients; with trends, frame, life and place
     static, timed = 4 * (3 + 3 + 1 + 3 + 9 + 9), 4 * (3 + 3 + 1 + 3 + 9 + 9 + 3 + 9 + 9 + 3)
