@@ -1,7 +1,7 @@
 """Temporal radiance caching against caches of each frame, a cache that is never renewed, and path tracing at equal time.
 
 Run: `python -m benchmarks.trc [--scene NAME]… [--run NAME]… [--size WxH] [--frames A:B] [--references K,A:B,…] [--out FOLDER]`.
-All five scenes at 64×48 and full length take about half an hour on two cores; a scene at a time and shorter ranges less.
+All five scenes take about a quarter of an hour on two quiet cores; a scene at a time less. Figures: docs/methods/trc.md.
 
 `temporal` is `trc`; `per-frame` the same program with a fresh cache in every frame, the baseline of all ratios; `rcs` the method of
 that name, whose pictures and costs are the same, so it is left out unless asked for; `static` never renews a record: ghosts as bad
@@ -28,11 +28,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from jobs.claims.bench import Bench
+import renderers
 from jobs.claims.trc_runs import Ask, FrameErrors, Run, Truth, frame_errors, over_all, runs_of, truth_of
-from jobs.claims.trc_tables import CASES, RAYS, A, scene_of
+from jobs.claims.trc_tables import CASES, RAYS, A
 from jobs.request import ReferenceFrames
-from renderers import Scene
 from service import parse
 
 CACHES: dict[str, tuple[str, dict[str, Any]]] = {
@@ -76,7 +75,7 @@ class Study(NamedTuple):
     """One scene: how it is rendered, and its truth."""
 
     name: str
-    scene: Scene
+    scene: renderers.Scene
     size: tuple[int, int]
     frames: tuple[int, int]
     truth: Truth
@@ -109,16 +108,16 @@ def main() -> None:
         "--run", action="append", choices=[*CACHES, *PATHS], help="besides per-frame and temporal; default: all but rcs"
     )
     parser.add_argument("--size", default="64x48")
-    parser.add_argument("--frames", help="A:B; default: the published number of frames")
+    parser.add_argument("--frames", help="A:B; default: those of the claim trc-table-5.2")
     parser.add_argument("--references", help="as of `luxmeter evaluate`; default: two windows of ten frames")
     parser.add_argument("--out", type=Path, default=Path("trc"))
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name in arguments.scene or CASES:
-        frames = parse.frames(arguments.frames) if arguments.frames else (0, CASES[name].frames - 1)
+        frames = parse.frames(arguments.frames) if arguments.frames else CASES[name].frames
         chosen = parse.references(arguments.references) if arguments.references else windows(*frames)
         numbers = ReferenceFrames.model_validate(chosen).chosen(*frames)
-        scene, size = scene_of(Bench(print), name), parse.size(arguments.size)
+        scene, size = renderers.load_scene(name), parse.size(arguments.size)
         study = Study(name, scene, size, frames, truth_of(scene, size, numbers))
         runs = dict.fromkeys(("per-frame", "temporal", *(arguments.run or ("static", *PATHS))))
         report(study, list(runs), arguments.out)
