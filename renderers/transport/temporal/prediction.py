@@ -20,7 +20,7 @@ from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import Grid
 from renderers.transport.caching.incoming import Incoming, Seen, seen_along
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
-from renderers.transport.temporal.anchors import Anchors, anchors, carried
+from renderers.transport.temporal.anchors import departures
 from renderers.transport.temporal.motion import Motion, crossing
 from renderers.transport.temporal.reprojection import Moved, reprojected
 from renderers.transport.temporal.sampling import Cast, TemporalSampler
@@ -62,15 +62,10 @@ class RayCast:
 
     def _rays(self, cast: Cast) -> tuple[F32, F32, Mask]:
         """Origins and directions (R, 3) one frame later, and which rays differ, (R,)."""
-        motion, rays = self._motion, np.zeros(len(cast.hits.t), bool)
-        if not motion.same_topology or not motion.moved.any():
-            return cast.origins, cast.directions, rays
-        found = anchors(motion.before, cast.sites)
-        index = np.flatnonzero(found.held & motion.moved[found.triangle])
+        rays = np.zeros(len(cast.hits.t), bool)
+        index, rotation, shift = departures(self._motion, cast.sites)
         if not len(index):
             return cast.origins, cast.directions, rays
-        moving = Anchors(found.triangle[index], found.u[index], found.v[index])
-        rotation, shift = carried(motion.before, motion.after, moving)
         by_place = len(cast.tangents), -1, 3
         origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
         place = cast.sites.position[index][:, None]

@@ -58,12 +58,17 @@ class TemporalSampler(PolarSampler):
     def __init__(self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str]) -> None:
         super().__init__(world, grid, incoming, seed, counters=counters)
 
-    def sample(self, sites: Sites, places: I64, ahead: Ahead | None = None) -> tuple[Records, Records]:
-        """Records at N places numbered `places` (N,), and what they will be one frame later; without `ahead`, what they are now."""
+    def sample(
+        self, sites: Sites, places: I64, ahead: Ahead | None = None, tangents: F64 | None = None
+    ) -> tuple[Records, Records]:
+        """Records at N places numbered `places` (N,), and what they will be one frame later; without `ahead`, what they are now.
+
+        tangents (N, 2, 3): axes of the hemispheres, where they aren't those of `sampling.frame`.
+        """
         size = max(1, RAYS_PER_TASK // self.grid.cells)
 
         def task(part: slice) -> tuple[Records, Records, int]:
-            cast, rays = self.cast(sites.rows(part), places[part])
+            cast, rays = self.cast(sites.rows(part), places[part], None if tangents is None else tangents[part])
             now = self._records(cast, cast.radiance, cast.nearness)
             if ahead is None:
                 return now, now, rays
@@ -76,10 +81,10 @@ class TemporalSampler(PolarSampler):
         self.counters["predictions"] += 0 if ahead is None else len(sites.position)
         return Records.joined([now for now, _, _ in done]), Records.joined([later for _, later, _ in done])
 
-    def cast(self, sites: Sites, places: I64) -> tuple[Cast, int]:
+    def cast(self, sites: Sites, places: I64, tangents: F64 | None = None) -> tuple[Cast, int]:
         """The hemispheres of a few places, and the number of rays cast. In the calling thread up to RAYS_PER_TASK rays."""
         cells = len(places) * self.grid.cells
-        tangents = np.stack(frame(sites.normal), axis=1)
+        tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
         random = np.stack([generator(self._seed, f"record {place}").random(8) for place in places])
         origins, directions = self._rays(sites, tangents, random)
         hits = self._caster.first_hit(origins, directions)
