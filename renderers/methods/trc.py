@@ -14,6 +14,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | gradients_in_time | interpolated |   | none, extrapolated, interpolated | ∇ᵗ                                                   |
 | prediction    | raycast      |       | raycast, reproject               | how the next frame is foreseen                       |
 | footprints    | 4            | 1     | 1 … 8                            | points a side that a reprojected hit covers          |
+| sparse        | 4            | 1     | 1 … 64                           | one ray in so many is foreseen where all change      |
 | cache         | temporal     |       | temporal, per-frame, static      | renewed by lifespan, every frame, never              |
 | guard         | true         |       |                                  | no foresight where lives stay at one frame           |
 | stagger       | true         |       |                                  | records made together don't expire together          |
@@ -68,6 +69,9 @@ class TrcSettings(Settings):
     )
     footprints: int = setting(
         4, "points a side that a reprojected hit covers its cell with; 1 as published", source="luxmeter", ge=1, le=8
+    )
+    sparse: int = setting(
+        4, "where a whole hemisphere changes, one ray in so many is foreseen; 1: all of them", source="luxmeter", ge=1, le=64
     )
     cache: Literal["temporal", "per-frame", "static"] = setting(
         "temporal", "records are renewed by their lifespans, computed in every frame, or kept for ever", source=SOURCE + ".6"
@@ -263,7 +267,7 @@ class _Run:
         # without foresight nobody asks what comes next
         self.motion = motion_between(world, self.scene.world(frame + 1) if foresees else world)
         incoming, grid = ReflectedDirectLight(world), grid_of(self.settings.rays)
-        sampler = TemporalSampler(world, grid, incoming, context.seed, counters)
+        sampler = TemporalSampler(world, grid, incoming, context.seed, counters, self.settings.sparse)
         pilot = TemporalSampler(world, grid_of(PILOT_RAYS), incoming, context.seed, counters)
         placement = placement_of(world, context.size[1], self.settings, context.seed)
         ahead = None if self.motion.still else self._ahead(sampler)
