@@ -68,15 +68,24 @@ class RayCaster:
 
     def __init__(self, world: World, still: _Tree | None = None, moving: _Tree | None = None) -> None:
         self._trees = [tree for tree in (still, moving) if tree is not None] or [_Tree(world)]
+        self._moving = moving if still is not None else None
 
     def first_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
         """Closest hits along rays; origins, directions (N, 3), directions of any length. Callers move origins off surfaces."""
+        return self._closest(self._trees, origins, directions)
+
+    def first_moving_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits | None:
+        """`first_hit` of what moves at any time of the animation alone; None where that has no tree of its own."""
+        return None if self._moving is None else self._closest([self._moving], origins, directions)
+
+    @staticmethod
+    def _closest(trees: list[_Tree], origins: ArrayLike, directions: ArrayLike) -> Hits:
         o, d = _rays(origins, directions)
         n = len(o)
         hits = Hits(np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32), np.zeros(n, np.float32))
 
         def cast(part: slice) -> None:
-            for tree in self._trees:
+            for tree in trees:
                 found = tree.run(o[part], d[part], output=1)
                 number = found["primID"]
                 nearer = (number >= 0) & ((hits.triangle[part] < 0) | (found["tfar"] < hits.t[part]))
