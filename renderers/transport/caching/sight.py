@@ -37,30 +37,31 @@ INSIDE = 1 - 1e-3  # of the distance of a hidden pixel, so that it stays outside
 def in_sight(records: Records, canvas: Canvas, a: float, weight: Weight, blocked: Blocked) -> Records:
     """Records whose zones at accuracy a hold no pixel of a canvas that lies below them or was found to be hidden from them.
 
-    blocked: `RayCaster.occluded`. Without clearance, only what lies below counts.
+    blocked: `RayCaster.occluded`. Records that know no clearance are all looked from.
     """
     nearest = np.full(len(records), np.inf)
     columns, accuracy = records.columns(canvas.dtype), canvas.dtype.type(a)
     _nearest_below(canvas.position, canvas.normal, canvas.tiles, columns, accuracy, WEIGHTS[weight], nearest)
     records = records.with_radius(np.minimum(records.radius, INSIDE * nearest / a))
-    if records.clearance is None:
-        return records
-    wide = np.flatnonzero(a * records.radius > records.clearance)
-    nearest[wide] = _nearest_hidden(records.rows(wide), canvas, a, weight, blocked)
+    clearance = np.zeros(len(records)) if records.clearance is None else np.asarray(records.clearance)
+    wide = np.flatnonzero(a * records.radius > clearance)
+    nearest[wide] = _nearest_hidden(records.rows(wide), clearance[wide], canvas, a, weight, blocked)
     return records.with_radius(np.minimum(records.radius, INSIDE * nearest / a))
 
 
-def _nearest_hidden(records: Records, canvas: Canvas, a: float, weight: Weight, blocked: Blocked) -> F64:
+def _nearest_hidden(records: Records, clearance: F64, canvas: Canvas, a: float, weight: Weight, blocked: Blocked) -> F64:
     """Distance of the nearest pixel beyond the clearance that was found to be hidden, (K,), ∞ where none was."""
     nearest = np.full(len(records), np.inf)
-    clearance = np.asarray(records.clearance, canvas.dtype)
     chosen = np.full((len(records), SAMPLES), -1, np.int64)
     columns, accuracy = records.columns(canvas.dtype), canvas.dtype.type(a)
-    _choose(canvas.position, canvas.normal, canvas.tiles, columns, clearance, accuracy, WEIGHTS[weight], chosen)
+    _choose(
+        canvas.position, canvas.normal, canvas.tiles, columns, clearance.astype(canvas.dtype), accuracy, WEIGHTS[weight], chosen
+    )
     record, place = np.nonzero(chosen >= 0)
     pixel = chosen[record, place]
     distance = np.linalg.norm(canvas.position[pixel] - records.position[record], axis=1)
-    lift = np.minimum(LIFT * distance, clearance[record] / 2)[:, None]
+    near = clearance[record] / 2
+    lift = np.where(near > 0, np.minimum(LIFT * distance, near), LIFT * distance)[:, None]
     start = records.position[record] + lift * records.normal[record]
     way = canvas.position[pixel] + lift * canvas.normal[pixel] - start
     hidden = blocked(start, way, np.full(len(way), INSIDE))
