@@ -128,6 +128,9 @@ def _create() -> Device:
 @contextmanager
 def _version_asked() -> Iterator[None]:
     """EGL is asked for OpenGL 4.3 instead of pyrender's 4.1. Mesa gives its newest version to both; NVIDIA gives what was asked."""
+    from pyrender.platforms import egl
+
+    egl._ensure_egl_loaded()  # before the import, which else takes the platform that another importer of PyOpenGL left
     from OpenGL import EGL
 
     create = EGL.eglCreateContext
