@@ -21,7 +21,7 @@ depend on the order of the records, and after the records every pixel is reached
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
 | r_max         | 2       | r    | 10⁻⁶ … 1000                   | largest R, in scene radii                                  |
 | footprint     | 1       | px   | 0 … 100                       | smallest reach a·R of a record, in pixels                  |
-| placement     | bounded |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
+| placement     | auto    |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
@@ -79,9 +79,9 @@ class RcsSettings(Settings):
     footprint: float = setting(
         1.0, "smallest reach of a record, in pixels", unit="px", source="Tabellion & Lamorlette 2004", ge=0, le=100
     )
-    placement: Literal["split-sphere", "bounded", "hessian"] = setting(
-        "bounded",
-        "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
+    placement: Literal["auto", "split-sphere", "bounded", "hessian"] = setting(
+        "auto",
+        "R from distances alone, limited by the gradient, or from the curvature of the irradiance; auto: hessian but for the plane",
         source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
     neighbours: bool = setting(False, "neighbour clamping of R", source="Křivánek et al. 2006")
@@ -124,6 +124,10 @@ class RadianceCacheSplatting(Method):
         "glossy": Claim("approximated", "indirect light is interpolated between radiance records; sharper lobes are traced"),
         "specular": Claim("approximated", "lobes are traced by a few rays a pixel: noise"),
     }
+
+    def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
+        """`placement=auto` filled in."""
+        return settings.model_copy(update={"placement": chosen_placement(settings)})
 
     def transport(self, settings: Any) -> Transport:
         """One bounce, both visibilities, or all."""
@@ -205,16 +209,23 @@ def placement_of(world: World, height: int, settings: Any, seed: int) -> Placeme
     from renderers.transport.caching.limits import Footprint, Limits
     from renderers.transport.caching.placement import Placement
 
-    pixel = 2 * np.tan(world.camera.yfov / 2) / height
+    pixel, kind = 2 * np.tan(world.camera.yfov / 2) / height, chosen_placement(settings)
     limits = Limits(
         smallest=min(settings.r_min, settings.r_max),
         largest=settings.r_max,
-        gradient=settings.placement == "bounded",
+        gradient=kind == "bounded",
         neighbours=settings.neighbours,
         footprint=Footprint(world.camera.pose[:3, 3], settings.footprint * pixel / settings.a),
-        metric="hessian" if settings.placement == "hessian" else "split-sphere",
+        metric="hessian" if kind == "hessian" else "split-sphere",
     )
-    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed)
+    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=kind == "hessian")
+
+
+def chosen_placement(settings: Any) -> str:
+    """What `placement=auto` stands for: by curvature, wherever the sampler knows it."""
+    if settings.placement != "auto":
+        return str(settings.placement)
+    return "bounded" if settings.sampler == "plane" else "hessian"
 
 
 def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@
 | `weights` | weight and zone of influence |
 | `splat`, `splat_kernels` | records added to the pixels inside their zones |
 | `placement` | where records are put: in batches, or one by one |
+| `sight` | zones that end where their records don't see |
 | `radiance` | radiance records: hemispherical harmonics of incoming radiance, with gradients |
 | `reflectance` | BRDFs of glossy materials as coefficients; what is too sharp for them |
 | `glossy`, `glossy_kernels` | radiance records added to the pixels inside their zones |

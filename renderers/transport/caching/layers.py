@@ -20,9 +20,11 @@ from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.placement import Compute, Placement, fill
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.reflectance import Gloss, Lobes, stand_in_albedo
+from renderers.transport.caching.sight import in_sight
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.caching.traced import traced_lobes
 from renderers.transport.direct import receivers_of
+from renderers.transport.raycast import caster_of
 
 F64 = NDArray[np.float64]
 Distances = Callable[[Sites], F64]
@@ -45,12 +47,15 @@ class IrradianceCache:
     def filled(self, gbuffer: GBuffer, wanted: NDArray[np.bool_], watch: Stopwatch, counters: Counter[str]) -> Canvas:
         """A canvas over the wanted pixels (H, W), with all records on it, old ones and those that it needed."""
         canvas, how = Canvas.of(gbuffer, wanted), self.placement
+        blocked = caster_of(self.world).occluded
         with watch("splat"):
+            if how.sees:
+                self.records = in_sight(self.records, canvas, how.a, how.weight, blocked)
             canvas.add(self.records, how.a, how.weight, how.gradients, counters)
         with watch("records"):
             sites = Sites(*receivers_of(self.world, gbuffer, canvas.rows))
             most = None if self._most is None else self._most - len(self.records)
-            self.records = fill(canvas, sites, self._compute, self._distances, how, self.records, most)
+            self.records = fill(canvas, sites, self._compute, self._distances, how, self.records, most, blocked)
         counters["pixels_missed"] += int(np.count_nonzero(canvas.missed))
         return canvas
 
