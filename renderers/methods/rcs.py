@@ -15,7 +15,9 @@ depend on the order of the records, and after the records every pixel is reached
 | ------------- | ------- | ---- | ----------------------------- | ---------------------------------------------------------- |
 | a             | 0.15    | 1    | 0.01 … 1.4                    | accuracy: zones have radius a·R                            |
 | rays          | 4096    | 1    | 16 … 65536                    | rays a record                                              |
-| sampler       | polar   |      | polar, plane                  | rays all over a hemisphere, or through one plane of 64²    |
+| sampler       | polar   |      | auto, polar, hemicube, plane  | rays all over a hemisphere, five faces of texels drawn by  |
+|               |         |      |                               | OpenGL, rays through one plane of 64²; auto: by a table    |
+| hemicube_shadows | auto |      | auto, cast, mapped            | of what hemicubes see: rays, or OpenGL's shadow maps       |
 | weight        | ward    |      | ward, shifted, tent           | weighting function                                         |
 | gradients     | true    |      |                               | extrapolate with gradients                                 |
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
@@ -39,6 +41,7 @@ depend on the order of the records, and after the records every pixel is reached
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -54,9 +57,10 @@ if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.caching.incoming import Incoming
     from renderers.transport.caching.layers import Passes
-    from renderers.transport.caching.placement import Placement
+    from renderers.transport.caching.placement import Compute, Placement
 
 SOURCE = "Gautron 2006 §4"
+SOFTWARE_DEVICES = ("llvmpipe", "softpipe", "swrast")
 PILOT_RAYS = 64
 
 
@@ -65,10 +69,15 @@ class RcsSettings(Settings):
 
     a: float = setting(0.15, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 2.8", ge=0.01, le=1.4)
     rays: int = setting(4096, "rays a record", source="Gautron 2006 §4.8", ge=16, le=65536)
-    sampler: Literal["polar", "plane"] = setting(
+    sampler: Literal["auto", "polar", "hemicube", "plane"] = setting(
         "polar",
-        "irradiance from rays all over a hemisphere, or through one plane of 64², its border stretched",
-        source="Gautron 2006 §4.2",
+        "rays all over a hemisphere, five faces of texels drawn by OpenGL, or (irradiance alone) rays through one plane of 64², its"
+        " border stretched; auto: by a table on the device string",
+        source="Gautron 2006 §4.2; Cohen & Greenberg 1985",
+    )
+    hemicube_shadows: Literal["auto", "cast", "mapped"] = setting(
+        "auto",
+        "light of what hemicubes see: by shadow rays, or (one bounce alone) by shadow maps; auto: by a table on the device string",
     )
     weight: Literal["ward", "shifted", "tent"] = setting(
         "ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004"
@@ -106,9 +115,11 @@ class RcsSettings(Settings):
 
     @model_validator(mode="after")
     def _known_curvature(self) -> RcsSettings:
-        """Raises ValueError where the placement needs what the sampler doesn't know."""
+        """Raises ValueError where the sampler doesn't know what another setting needs."""
+        if self.hemicube_shadows == "mapped" and self.bounces == "all":
+            raise ValueError("hemicube_shadows=mapped knows direct light alone: bounces=all needs cast or auto")
         if self.sampler == "plane" and self.placement == "hessian":
-            raise ValueError("placement=hessian needs sampler=polar: the plane knows no curvature")
+            raise ValueError("placement=hessian needs sampler=polar or hemicube: the plane knows no curvature")
         return self
 
 
@@ -128,6 +139,11 @@ class RadianceCacheSplatting(Method):
     def transport(self, settings: Any) -> Transport:
         """One bounce, both visibilities, or all."""
         return "one-bounce" if settings.bounces == "one" else "full"
+
+    def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
+        """Fill in the sampler and where its hits are lit."""
+        shadows = shadows_of(settings.hemicube_shadows, settings.bounces, device)
+        return settings.model_copy(update={"sampler": sampler_of(settings.sampler, device), "hemicube_shadows": shadows})
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
@@ -154,13 +170,30 @@ class RadianceCacheSplatting(Method):
         return Frame(images, watch.timings, dict(sorted(counters.items())), notes=passes.notes)
 
 
+def sampler_of(sampler: str, device: str) -> str:
+    """The table behind `sampler=auto`: software rasterisers, slower than rays where scenes are large → polar, others → hemicube."""
+    if sampler != "auto":
+        return sampler
+    return "polar" if is_software(device) else "hemicube"
+
+
+def shadows_of(shadows: str, bounces: str, device: str) -> str:
+    """The table behind `hemicube_shadows=auto`: software rasterisers and all bounces → cast, others → mapped."""
+    if shadows != "auto":
+        return shadows
+    return "cast" if is_software(device) or bounces == "all" else "mapped"
+
+
+def is_software(device: str) -> bool:
+    """Whether a device string names a software rasteriser."""
+    return any(name in device.lower() for name in SOFTWARE_DEVICES)
+
+
 def passes_of(world: World, settings: Any, context: Context, counters: Counter[str]) -> Passes:
     """The caches that the scene needs, empty: no radiance records without glossy materials."""
     from renderers.transport.caching.hemisphere import PolarSampler, grid_of
     from renderers.transport.caching.incoming import ReflectedDirectLight
     from renderers.transport.caching.layers import IrradianceCache, Passes, RadianceCache
-    from renderers.transport.caching.plane import PlaneSampler
-    from renderers.transport.caching.radiance import RadianceSampler
     from renderers.transport.caching.reflectance import gloss_of
 
     seed, height = context.seed, context.size[1]
@@ -168,10 +201,8 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
     if settings.bounces == "all":
         incoming = all_bounces(world, incoming, context, counters)
     pilot = PolarSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters=counters).distances
-    sampler = PolarSampler(world, grid_of(settings.rays), incoming, seed, counters=counters)
-    if settings.sampler == "plane":
-        sampler = PlaneSampler(world, incoming, seed, counters=counters)
-    diffuse = IrradianceCache(world, sampler, pilot, placement_of(world, height, settings, seed), settings.records)
+    sampler_of_order = samplers_of(world, incoming, settings, context, counters)
+    diffuse = IrradianceCache(world, sampler_of_order(None), pilot, placement_of(world, height, settings, seed), settings.records)
     gloss = gloss_of(world, settings.harmonics, settings.sharp == "truncated") if settings.glossy == "records" else None
     if gloss is None or not gloss.shiny:
         return Passes(world, diffuse, None, gloss, settings.lobe_rays, incoming)
@@ -181,10 +212,44 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
             from renderers.transport.caching.glossy import warm_up as prepare_turns
 
             prepare_turns(gloss.order)
-        radiance_sampler = RadianceSampler(world, grid_of(settings.glossy_rays), incoming, gloss.order, seed, counters=counters)
         how = placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
-        radiance = RadianceCache(world, gloss, radiance_sampler, pilot, how, settings.records)
+        radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records)
     return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
+
+
+def samplers_of(
+    world: World, incoming: Incoming, settings: Any, context: Context, counters: Counter[str]
+) -> Callable[[int | None], Compute]:
+    """What computes irradiance records (None) and radiance records of an order. The plane is for irradiance alone.
+
+    Hemicubes with shadow maps are lit where they are drawn; of others the triangles alone are drawn.
+    """
+    from renderers.transport.caching.cube import size_of
+    from renderers.transport.caching.hemicube import HemicubeSampler, Rasteriser
+    from renderers.transport.caching.hemisphere import PolarSampler, grid_of
+    from renderers.transport.caching.plane import PlaneSampler
+    from renderers.transport.caching.radiance import RadianceSampler
+    from renderers.transport.raycast import OFFSET
+
+    seed = context.seed
+    rasteriser: Rasteriser | None = None
+    if settings.sampler == "hemicube":
+        from renderers.gl.hemicube import LitHemicubes, Triangles
+
+        with context.watch("shadow maps"):
+            rasteriser = LitHemicubes(world, OFFSET) if settings.hemicube_shadows == "mapped" else Triangles(world, OFFSET)
+
+    def sampler(order: int | None) -> Compute:
+        rays = settings.rays if order is None else settings.glossy_rays
+        if rasteriser is not None:
+            return HemicubeSampler(world, size_of(rays), incoming, seed, order, rasteriser, counters)
+        if order is not None:
+            return RadianceSampler(world, grid_of(rays), incoming, order, seed, counters=counters)
+        if settings.sampler == "plane":
+            return PlaneSampler(world, incoming, seed, counters=counters)
+        return PolarSampler(world, grid_of(rays), incoming, seed, counters=counters)
+
+    return sampler
 
 
 def all_bounces(world: World, direct: Incoming, context: Context, counters: Counter[str]) -> Incoming:
