@@ -35,6 +35,7 @@ depend on the order of the records, and after the records every pixel is reached
 | sharp         | traced  |      | traced, truncated             | lobes beyond the order                                     |
 | lobe_rays     | 256     | 1    | 1 … 4096                      | rays a pixel of a traced lobe                              |
 | light_samples | 16      | 1    | 1 … 4096                      | samples of area lights and sky, per pixel of the direct layer |
+| backend       | auto    |      | auto, gl, cpu                 | where records that a view finds are splatted               |
 | subpixels     | 1       | 1    | 1 … 8                         | k: average k×k G-buffers, with common records              |
 """
 
@@ -56,8 +57,9 @@ from renderers.scene.world import World
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.caching.incoming import Incoming
-    from renderers.transport.caching.layers import Passes
+    from renderers.transport.caching.layers import Passes, Splat
     from renderers.transport.caching.placement import Compute, Placement
+    from renderers.transport.caching.records import Records
 
 SOURCE = "Gautron 2006 §4"
 SOFTWARE_DEVICES = ("llvmpipe", "softpipe", "swrast")
@@ -112,6 +114,9 @@ class RcsSettings(Settings):
     sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
     lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
+    backend: Literal["auto", "gl", "cpu"] = setting(
+        "auto", "where a view's splat of earlier views' records runs; auto: by a table on the device string"
+    )
 
     @model_validator(mode="after")
     def _known_curvature(self) -> RcsSettings:
@@ -141,9 +146,12 @@ class RadianceCacheSplatting(Method):
         return "one-bounce" if settings.bounces == "one" else "full"
 
     def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
-        """Fill in the sampler and where its hits are lit."""
+        """Fill in the sampler, where its hits are lit, and where records are splatted."""
         shadows = shadows_of(settings.hemicube_shadows, settings.bounces, device)
-        return settings.model_copy(update={"sampler": sampler_of(settings.sampler, device), "hemicube_shadows": shadows})
+        changes = {"sampler": sampler_of(settings.sampler, device), "hemicube_shadows": shadows}
+        if settings.backend == "auto":
+            changes["backend"] = "cpu" if is_software(device) else "gl"
+        return settings.model_copy(update=changes)
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
@@ -202,7 +210,10 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
         incoming = all_bounces(world, incoming, context, counters)
     pilot = PolarSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters=counters).distances
     sampler_of_order = samplers_of(world, incoming, settings, context, counters)
-    diffuse = IrradianceCache(world, sampler_of_order(None), pilot, placement_of(world, height, settings, seed), settings.records)
+    splat = gl_splat(world) if settings.backend == "gl" else None
+    diffuse = IrradianceCache(
+        world, sampler_of_order(None), pilot, placement_of(world, height, settings, seed), settings.records, splat
+    )
     gloss = gloss_of(world, settings.harmonics, settings.sharp == "truncated") if settings.glossy == "records" else None
     if gloss is None or not gloss.shiny:
         return Passes(world, diffuse, None, gloss, settings.lobe_rays, incoming)
@@ -213,7 +224,7 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
 
             prepare_turns(gloss.order)
         how = placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
-        radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records)
+        radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records, splat)
     return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
 
 
@@ -250,6 +261,16 @@ def samplers_of(
         return PolarSampler(world, grid_of(rays), incoming, seed, counters=counters)
 
     return sampler
+
+
+def gl_splat(world: World) -> Splat:
+    """The splat of `renderers.gl.caching`."""
+    from renderers.gl.caching import splat_records
+
+    def splat(gbuffer: GBuffer, records: Records, how: Placement) -> tuple[NDArray[np.float32], int]:
+        return splat_records(gbuffer, world, records.columns(np.float32), how.a, how.weight, how.gradients)
+
+    return splat
 
 
 def all_bounces(world: World, direct: Incoming, context: Context, counters: Counter[str]) -> Incoming:
