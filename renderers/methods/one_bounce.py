@@ -113,7 +113,12 @@ def backend_of(backend: str, visibility: str, device: str) -> str:
         return "cpu"
     if backend != "auto":
         return backend
-    return "cpu" if any(name in device.lower() for name in SOFTWARE_DEVICES) else "gl"
+    return "cpu" if is_software(device) else "gl"
+
+
+def is_software(device: str) -> bool:
+    """Whether a device string is that of a software rasteriser."""
+    return any(name in device.lower() for name in SOFTWARE_DEVICES)
 
 
 def timed(watch: Stopwatch, name: str, stage: Literal["prepare", "render"], on_gl: bool) -> contextlib.AbstractContextManager[None]:

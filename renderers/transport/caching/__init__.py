@@ -6,6 +6,7 @@
 | `incoming` | reflected direct light of whatever the rays of a hemisphere hit |
 | `hemisphere` | polar hemispheres cast in large batches, and records made of them |
 | `plane` | hemispheres through one plane, as rasterised, with border compensation |
+| `cube`, `hemicube` | hemispheres through five faces of texels, cast or drawn by a rasteriser |
 | `gradients` | irradiance, its rotation and translation gradients, harmonic mean distance of polar hemispheres |
 | `limits` | clamps of the radius, gradient limit, neighbour clamping |
 | `weights` | weight and zone of influence |
