@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import Grid
-from renderers.transport.caching.incoming import Incoming, Seen, seen_along
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
+from renderers.transport.seen import Seen, seen_along
 from renderers.transport.temporal.anchors import Anchors, anchors, carried
 from renderers.transport.temporal.motion import Motion, crossing
 from renderers.transport.temporal.reprojection import Moved, reprojected
