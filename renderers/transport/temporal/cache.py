@@ -157,7 +157,9 @@ class TemporalCache:
         """Records that would come out as they are."""
         count = len(old)
         life = np.full(count, self.policy.longest)
-        return Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest).turned_as(old)
+        return Timed.of(
+            old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest
+        ).turned_as(old)
 
     def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
         """Successors, their light foreseen where `ahead` is given."""

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from renderers.scene.world import World
 from renderers.transport.caching.gradients import polar_moments
 from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, PolarSampler, grid_of, records_of
-from renderers.transport.caching.incoming import Incoming, Seen, seen_along
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
 from renderers.transport.sampling import frame, generator
+from renderers.transport.seen import Seen, seen_along
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
@@ -78,15 +79,11 @@ class Ahead(Protocol):
 class TemporalSampler(PolarSampler):
     """Computes records at places with numbers of their own, and the same records one frame ahead. Counters as `PolarSampler`."""
 
-    def __init__(
-        self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1
-    ) -> None:
+    def __init__(self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1) -> None:
         super().__init__(world, grid, incoming, seed, counters=counters)
         self._coarse = coarse(grid, sparse)
 
-    def sample(
-        self, sites: Sites, places: I64, ahead: Ahead | None = None, tangents: F64 | None = None
-    ) -> tuple[Records, Records]:
+    def sample(self, sites: Sites, places: I64, ahead: Ahead | None = None, tangents: F64 | None = None) -> tuple[Records, Records]:
         """Records at N places numbered `places` (N,), and what they will be one frame later; without `ahead`, what they are now.
 
         tangents (N, 2, 3): axes of the hemispheres, where they aren't those of `sampling.frame`.
