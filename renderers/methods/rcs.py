@@ -212,7 +212,7 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
     )
     gloss = gloss_of(world, settings.harmonics, settings.sharp == "truncated") if settings.glossy == "records" else None
     if gloss is None or not gloss.shiny:
-        return Passes(world, diffuse, None, gloss, settings.lobe_rays, incoming)
+        return Passes(world, diffuse, None, None, settings.lobe_rays, incoming)
     radiance = None
     if gloss.order:
         with context.watch("warm-up", "prepare"):

@@ -18,11 +18,12 @@ from renderers.scene.world import World
 from renderers.transport.caching.cube import cube_tables, harmonic_tables
 from renderers.transport.caching.gradients import Moments
 from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, Hemispheres, PolarSampler, records_of
-from renderers.transport.caching.incoming import Incoming, seen_along
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.radiance import RadianceMoments, radiance_records
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
 from renderers.transport.sampling import frame
+from renderers.transport.seen import seen_along
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
