@@ -80,17 +80,26 @@ class RayCaster:
 
     def __init__(self, world: World, still: _Tree | None = None, moving: _Tree | None = None) -> None:
         self._trees = [tree for tree in (still, moving) if tree is not None] or [_Tree(world)]
+        self._moving = moving if still is not None else None
 
     def first_hit(self, origins: ArrayLike, directions: ArrayLike, grid: Grid | None = None) -> Hits:
         """Closest hits along rays; origins, directions (N, 3), directions of any length. Callers move origins off surfaces.
 
         grid: (rows, columns), where the rays are grids whose neighbours start near each other and go nearly the same way: faster.
         """
+        return self._closest(self._trees, origins, directions, grid)
+
+    def first_moving_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits | None:
+        """`first_hit` of what moves at any time of the animation alone; None where that has no tree of its own."""
+        return None if self._moving is None else self._closest([self._moving], origins, directions)
+
+    @staticmethod
+    def _closest(trees: list[_Tree], origins: ArrayLike, directions: ArrayLike, grid: Grid | None = None) -> Hits:
         o, d = _rays(origins, directions)
         hits = Hits.none(len(o))
 
         def cast(part: slice) -> None:
-            for tree in self._trees:
+            for tree in trees:
                 tree.nearest(o[part], d[part], grid, hits.part(part))
 
         whole = 1 if grid is None else grid[0] * grid[1]

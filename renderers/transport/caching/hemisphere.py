@@ -141,6 +141,7 @@ def records_of(sites: Sites, tangents: F64, moments: Moments) -> Records:
         translation=moments.translation @ tangents,
         rotation=moments.rotation @ tangents,
         curvature=moments.curvature,
+        clearance=moments.clearance,
     )
 
 

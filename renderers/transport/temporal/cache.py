@@ -28,9 +28,10 @@ from renderers.transport.caching.limits import limited
 from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.records import Float, Records, Sites
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.temporal.anchors import anchors
+from renderers.transport.temporal.anchors import anchors, departures
 from renderers.transport.temporal.coverage import coverage
 from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
+from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.records import Timed, Trends
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
 
@@ -43,7 +44,7 @@ MOST_STRIKES = 4
 @dataclass(frozen=True)
 class Policy:
     """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
-    frozen: no trends."""
+    frozen: no trends; follows: places go with surfaces that move."""
 
     a_t: float = 0.05
     longest: int = 20
@@ -51,6 +52,7 @@ class Policy:
     guard: bool = True
     stagger: bool = True
     frozen: bool = False
+    follows: bool = True
 
     @property
     def foresees(self) -> bool:
@@ -67,7 +69,7 @@ class View(NamedTuple):
 
 class Stage(NamedTuple):
     """What one frame is computed with. still: nothing changes between this frame and the next; changed: frame since which nothing
-    has changed. ahead: foresees records; None: nothing to foresee."""
+    has changed. ahead: foresees records; None: nothing to foresee. past: what led from the frame before to this one, if known."""
 
     frame: int
     sampler: TemporalSampler
@@ -76,6 +78,7 @@ class Stage(NamedTuple):
     placement: Placement
     still: bool
     changed: int
+    past: Motion | None = None
 
 
 class Computed(NamedTuple):
@@ -132,6 +135,8 @@ class TemporalCache:
 
     def renew(self, stage: Stage, counters: Counter[str]) -> Timed:
         """Delete or compute anew all records whose life is over. Returns the new ones."""
+        if self.policy.follows and stage.past is not None:
+            self.live = self.live.carried(*departures(stage.past, self.live.sites))
         over = self.live.last < stage.frame
         old = self.live.rows(over & (self.live.covered > 0))
         old = old.rows(anchors(stage.sampler.world, old.sites).held)
@@ -152,18 +157,18 @@ class TemporalCache:
         """Records that would come out as they are."""
         count = len(old)
         life = np.full(count, self.policy.longest)
-        return Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
+        return Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest).turned_as(old)
 
     def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
         """Successors, their light foreseen where `ahead` is given."""
         if not len(old):
             return Timed.empty()
-        now, later = stage.sampler.sample(old.sites, old.place, ahead)
+        now, later = stage.sampler.sample(old.sites, old.place, ahead, old.tangents)
         foreseen = np.full(len(old), ahead is not None or stage.still)
         # neighbours among records that are still to come would make a frame depend on those after it
         records = limited(now, replace(stage.placement.limits, neighbours=False))
         computed = Computed(old.sites, now, later, foreseen)
-        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest)
+        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
 
     def _adopt(self, stage: Stage, records: Records, made: list[Computed], counters: Counter[str]) -> None:
         """Take in records of new places."""
