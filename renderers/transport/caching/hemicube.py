@@ -50,7 +50,7 @@ def cube_moments(radiance: NDArray[np.floating], nearness: NDArray[np.floating],
     out = Moments(
         np.zeros((count, 3)), np.zeros((count, 3, 2)), np.zeros((count, 3, 2)), np.full(count, np.inf), np.zeros((count, 3))
     )
-    _cubes(radiance, nearness, cube_tables(size), LUMA, *out)
+    _cubes(radiance, nearness, cube_tables(size), LUMA, *out[:5])
     return out
 
 
