@@ -27,10 +27,10 @@ for cache in ("temporal", "per-frame"):
     pairs = [Pair(f.layers["beauty"], image, EXPOSURE) for f, image in zip(frames[cache], truth, strict=True)]
     error = [p.test.astype(np.float64) - p.reference for p in pairs]
     changes[cache] = [np.abs(after - before) for before, after in pairwise(error)]
-    records = sum(f.counters["records"] for f in frames[cache])
+    computed = sum(f.counters["records"] for f in frames[cache])
     seconds = sum(t.cpu_s for f in frames[cache] for t in f.timings if t.stage == "render")
     off, unrest = (np.mean(values) for values in ([rmse(p) for p in pairs], [flicker(a, b) for a, b in pairwise(pairs)]))
-    print(f"{cache:10s} {records:6d} records, {seconds:5.2f} CPU s, RMSE {off:.2f}, flicker {unrest:.3f}")
+    print(f"{cache:10s} {computed:6d} records, {seconds:5.2f} CPU s, RMSE {off:.2f}, flicker {unrest:.3f}")
 
 columns, half = [], SIZE[0] // 2
 for k in range(2, LAST - FIRST + 1, 2):

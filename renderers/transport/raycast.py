@@ -89,12 +89,12 @@ class RayCaster:
         """
         return self._closest(self._trees, origins, directions, grid)
 
-    def first_moving_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits | None:
+    def first_moving_hit(self, origins: ArrayLike, directions: ArrayLike, grid: Grid | None = None) -> Hits | None:
         """`first_hit` of what moves at any time of the animation alone; None where that has no tree of its own."""
-        return None if self._moving is None else self._closest([self._moving], origins, directions)
+        return None if self._moving is None else self._closest([self._moving], origins, directions, grid)
 
     @staticmethod
-    def _closest(trees: list[_Tree], origins: ArrayLike, directions: ArrayLike, grid: Grid | None = None) -> Hits:
+    def _closest(trees: list[_Tree], origins: ArrayLike, directions: ArrayLike, grid: Grid | None) -> Hits:
         o, d = _rays(origins, directions)
         hits = Hits.none(len(o))
 

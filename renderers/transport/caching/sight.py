@@ -43,7 +43,7 @@ def in_sight(records: Records, canvas: Canvas, a: float, weight: Weight, blocked
     columns, accuracy = records.columns(canvas.dtype), canvas.dtype.type(a)
     _nearest_below(canvas.position, canvas.normal, canvas.tiles, columns, accuracy, WEIGHTS[weight], nearest)
     records = records.with_radius(np.minimum(records.radius, INSIDE * nearest / a))
-    clearance = np.zeros(len(records)) if records.clearance is None else np.asarray(records.clearance)
+    clearance = np.zeros(len(records)) if records.clearance is None else np.asarray(records.clearance, np.float64)
     wide = np.flatnonzero(a * records.radius > clearance)
     nearest[wide] = _nearest_hidden(records.rows(wide), clearance[wide], canvas, a, weight, blocked)
     return records.with_radius(np.minimum(records.radius, INSIDE * nearest / a))

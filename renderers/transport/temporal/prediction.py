@@ -46,6 +46,7 @@ class RayCast:
     def __init__(self, motion: Motion, sampler: TemporalSampler, incoming: Incoming) -> None:
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
         self._caster = caster_of(motion.after)
+        self.smooth = motion.lights
 
     def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
         """See `sampling.Ahead`."""
@@ -124,6 +125,7 @@ class Reprojection:
             raise ValueError("hits can only be followed where the triangles of both frames correspond")
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
         self._grid, self._footprints = grid, footprints
+        self.smooth = True
 
     def changes(self, sites: Sites) -> Mask:
         """See `sampling.Ahead`: drawing hits costs much less than casting rays."""
@@ -160,14 +162,14 @@ def shaded_later(
     radiance[changed], nearness[changed] = 0, 0
     # a new albedo may be anywhere
     index = np.arange(len(changed)) if motion.materials else np.flatnonzero(changed)
-    columns: Any = (column[index] for column in hits)
-    anew = seen_along(motion.after, directions[index], Hits(*columns))
+    anew = seen_along(motion.after, directions[index], Hits._make(column[index] for column in hits))
     anew = anew._replace(ray=index[anew.ray])
     nearness[anew.ray] = 1 / np.maximum(hits.t[anew.ray], OFFSET)
     kept = np.flatnonzero(~changed[cast.seen.ray]) if not motion.materials else index[:0]
     kept = kept[_relit(motion, cast.seen.position[kept])]
-    columns = (np.concatenate([new, old[kept]]) for new, old in zip(anew, cast.seen, strict=True))
-    part = Seen(*columns)
+    still = Seen._make(column[kept] for column in cast.seen)
+    pairs: Any = zip(anew, still, strict=True)
+    part = Seen(*map(np.concatenate, pairs))
     if len(part.ray):
         radiance[part.ray], rays = incoming(part, sampler.light_numbers(part, cast))
     return Shaded(radiance, nearness, rays)
@@ -181,7 +183,7 @@ def _relights_all(motion: Motion) -> bool:
 
 
 def _relit(motion: Motion, position: NDArray[np.float64]) -> Mask:
-    """Whether the light of hits at rest (S, 3) may change, (S,): where lights changed, or something moves between it and a light."""
+    """Whether the light of hits at rest (S, 3) may change, (S,): lights changed, or something moves between it and a light."""
     out = np.zeros(len(position), bool)
     if _relights_all(motion) or len(motion.boxes) > MANY:
         out[:] = True
