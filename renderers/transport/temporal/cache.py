@@ -29,7 +29,7 @@ from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.records import Float, Records, Sites
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.temporal.anchors import anchors, departures
-from renderers.transport.temporal.coverage import coverage
+from renderers.transport.temporal.coverage import coverage, needed
 from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
 from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.records import Timed, Trends
@@ -113,7 +113,7 @@ class TemporalCache:
         """
         if self.policy.keeping == "per-frame":
             self.live, self.places = Timed.empty(), 0
-        renewed = self.renew(stage, counters)
+        renewed = self.renew(stage, counters, views)
         values = self.live.at(stage.frame)
         placement = stage.placement
         made, resting = list[Computed](), self._rests_everywhere()
@@ -133,13 +133,19 @@ class TemporalCache:
         counters["records_alive"] += len(self.live)
         return renewed
 
-    def renew(self, stage: Stage, counters: Counter[str]) -> Timed:
-        """Delete or compute anew all records whose life is over. Returns the new ones."""
+    def renew(self, stage: Stage, counters: Counter[str], views: Sequence[View] = ()) -> Timed:
+        """Delete or compute anew all records whose life is over. Returns the new ones.
+
+        views: of this frame. With them, places whose records live for one frame are given up where others reach all of their
+        pixels: else places that accumulate from frame to frame would cost more than those that a cache of one frame needs.
+        """
         if self.policy.follows and stage.past is not None:
             self.live = self.live.carried(*departures(stage.past, self.live.sites))
         over = self.live.last < stage.frame
         old = self.live.rows(over & (self.live.covered > 0))
         old = old.rows(anchors(stage.sampler.world, old.sites).held)
+        if self.policy.guard and views:
+            old = old.rows(self._needed(self.live.rows(~over), old, stage.placement, views))
         counters["records_deleted"] += int(np.count_nonzero(over)) - len(old)
         counters["records_renewed"] += len(old)
         same = (old.born >= stage.changed) & stage.still
@@ -152,6 +158,15 @@ class TemporalCache:
         )
         self.live = _by_place(Timed.joined(self.live.rows(~over), renewed))
         return _by_place(renewed)
+
+    def _needed(self, valid: Timed, old: Timed, placement: Placement, views: Sequence[View]) -> NDArray[np.bool_]:
+        """Which of the records to renew, (K,), were foreseen to last, or reach pixels that no other does."""
+        both = Records.joined([valid.records, old.records])
+        sure = np.concatenate([np.ones(len(valid), bool), old.strikes == 0])
+        for view in views:
+            # what one view needs is there in the next
+            sure = sure | needed(view.canvas, both, sure, placement.a, placement.weight)
+        return np.asarray(sure[len(valid) :])
 
     def _kept(self, old: Timed, frame: int) -> Timed:
         """Records that would come out as they are."""

@@ -46,6 +46,7 @@ class RayCast:
     def __init__(self, motion: Motion, sampler: TemporalSampler, incoming: Incoming) -> None:
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
         self._caster = caster_of(motion.after)
+        self.smooth = motion.lights
 
     def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
         """See `sampling.Ahead`."""
@@ -124,6 +125,7 @@ class Reprojection:
             raise ValueError("hits can only be followed where the triangles of both frames correspond")
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
         self._grid, self._footprints = grid, footprints
+        self.smooth = True
 
     def changes(self, sites: Sites) -> Mask:
         """See `sampling.Ahead`: drawing hits costs much less than casting rays."""
@@ -181,7 +183,7 @@ def _relights_all(motion: Motion) -> bool:
 
 
 def _relit(motion: Motion, position: NDArray[np.float64]) -> Mask:
-    """Whether the light of hits at rest (S, 3) may change, (S,): lights changed, or something moves between a hit and a light."""
+    """Whether the light of hits at rest (S, 3) may change, (S,): lights changed, or something moves between it and a light."""
     out = np.zeros(len(position), bool)
     if _relights_all(motion) or len(motion.boxes) > MANY:
         out[:] = True

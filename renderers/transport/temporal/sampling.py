@@ -67,7 +67,10 @@ class Cast(NamedTuple):
 
 
 class Ahead(Protocol):
-    """Foresees hemispheres one frame later."""
+    """Foresees hemispheres one frame later. smooth: what changes does so by a little everywhere, as where lights move."""
+
+    @property
+    def smooth(self) -> bool: ...
 
     def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
         """Radiance (K·cells, 3), nearness (K·cells,) one frame later, and the number of rays cast. Called from several threads."""
@@ -135,8 +138,11 @@ class TemporalSampler(PolarSampler):
             if len(index):
                 part = cast.part(index, cells)
                 radiance, nearness, rays = ahead(part)
-                change[index] = _light(self._records(part, radiance, nearness, grid))
-                change[index] -= _light(self._records(part, part.radiance, part.nearness, grid))
+                found = _light(self._records(part, radiance, nearness, grid))
+                found -= _light(self._records(part, part.radiance, part.nearness, grid))
+                differences = (radiance - part.radiance).reshape(len(index), *grid, 3)
+                share = 0.0 if ahead.smooth else 1 / len(cells) - 1 / self.grid.cells
+                change[index] = found * _certain(found, differences, share)
                 total += rays
         light = _light(now) + change
         shape = len(changes), 3, 3
@@ -179,3 +185,17 @@ def _light(records: Records) -> F64:
     count = len(records)
     parts = (getattr(records, name).reshape(count, -1) for name in ("irradiance", "translation", "rotation"))
     return np.concatenate(list(parts), axis=1)
+
+
+def _certain(change: F64, differences: F32, share: float) -> F64:
+    """What to scale changes (K, 21) of records by, whose irradiance changed by means over C = M·N cells, (K, M, N, 3).
+
+    The square of a mean over C of all cells exceeds that over all by its noise, variance · (1/C - 1/all) on average (`share`: the
+    bracket): taken as it is, it would make lives shorter than all rays would. Cells are strata, whose variance is half the mean
+    square of what neighbours differ by: a smooth change has none.
+    """
+    apart = np.diff(differences, axis=2, append=differences[:, :, :1]).astype(np.float64)
+    noise = np.pi**2 * share * (apart**2).mean(axis=(1, 2)) / 2
+    square = change[:, :3] ** 2
+    factor = np.sqrt(np.maximum(1 - noise / np.maximum(square, 1e-300), 0))
+    return np.concatenate([factor, np.repeat(factor, 3, axis=1), np.repeat(factor, 3, axis=1)], axis=1)
