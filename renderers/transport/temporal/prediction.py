@@ -167,8 +167,8 @@ def shaded_later(
     nearness[anew.ray] = 1 / np.maximum(hits.t[anew.ray], OFFSET)
     kept = np.flatnonzero(~changed[cast.seen.ray]) if not motion.materials else index[:0]
     kept = kept[_relit(motion, cast.seen.position[kept])]
-    columns = (np.concatenate([new, old[kept]]) for new, old in zip(anew, cast.seen, strict=True))
-    part = Seen(*columns)
+    pairs: Any = zip(anew, cast.seen, strict=True)
+    part = Seen(*(np.concatenate([new, old[kept]]) for new, old in pairs))
     if len(part.ray):
         radiance[part.ray], rays = incoming(part, sampler.light_numbers(part, cast))
     return Shaded(radiance, nearness, rays)

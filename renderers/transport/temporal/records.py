@@ -177,7 +177,7 @@ def unturned(count: int) -> F64:
 
 def _turned(values: Records | Trends, index: Any, rotation: F64) -> dict[str, Any]:
     """Spatial gradients, or their trends, with the selected ones turned."""
-    columns: Any = {}
+    columns: dict[str, Any] = {}
     for name in ("translation", "rotation"):
         columns[name] = getattr(values, name).copy()
         columns[name][index] = np.einsum("nij,ncj->nci", rotation, columns[name][index])
