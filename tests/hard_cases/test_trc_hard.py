@@ -140,25 +140,35 @@ def test_h11_a26_little_that_no_pixel_needs_stays_behind_a_moving_object(monkeyp
     """Of the records alive at the end 5 % at most reach no pixel."""
     scene = room(cube=lambda t: np.stack([-1.2 + 0.05 * t, 0.4 + 0 * t, 0.45 + 0 * t], 1), frames=40)
     live, stage, views = caches_of(monkeypatch, scene, 36, delta_max=4, follow=follow)[-1]
-    reached = sum(coverage(view.canvas, live.records, stage.placement.a, stage.placement.weight) for view in views)
     assert len(live) > 50
-    assert np.mean(reached == 0) <= 0.05
+    assert np.mean(reached(live, stage, views) == 0) <= 0.05
+
+
+def reached(live: Timed, stage: Stage, views: list[View]) -> NDArray[np.int64]:
+    """Pixels of each record's zone, (K,)."""
+    counts = [coverage(view.canvas, live.records, stage.placement.a, stage.placement.weight) for view in views]
+    return np.sum(counts, axis=0)
 
 
 def test_h10_records_that_an_object_moves_over_are_gone_a_life_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The cube stands in the floor; places inside it that reach no pixel for a whole life aren't alive after it."""
     longest = 4
-    scene = room(cube=lambda t: np.stack([-0.9 + 0.08 * t, 0.4 + 0 * t, 0.4 + 0 * t], 1), frames=40)
-    frames = caches_of(monkeypatch, scene, 20, delta_max=longest)
-    buried = 0
-    for (before, stage, _), (after, _, _) in zip(frames, frames[longest:], strict=False):
-        lost = before.place[~anchors(stage.sampler.world, before.sites).held]
-        assert not np.isin(lost, after.place).any()
-        buried += len(lost)
-    assert buried > 0
+    path = lambda t: np.stack([-0.9 + 0.08 * t, 0.4 + 0 * t, 0.35 + 0 * t], 1)  # noqa: E731
+    frames = caches_of(monkeypatch, room(cube=path, frames=40), 20, delta_max=longest)
+    useless = [set(live.place[reached(live, stage, views) == 0].tolist()) for live, stage, views in frames]
+    inside = 0
+    for t in range(len(frames) - longest):
+        gone = set.intersection(*useless[t : t + longest])
+        assert not gone & set(frames[t + longest][0].place.tolist())
+        live, stage, _ = frames[t]
+        world = stage.sampler.world
+        away = np.abs(live.sites.position / world.scale + world.centre - path(np.array([float(t)]))[0]).max(axis=1)
+        inside += len(useless[t] & set(live.place[away < 0.4].tolist()))
+    assert inside > 0
 
 
 def test_records_on_a_moving_cube_go_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They keep their triangles while they live, and their successors are where they were foreseen; published ones stay behind."""
+    """They keep their triangles while they live, whatever face they lie on; as published, those on faces that leave lose them."""
     scene = load_scene("cube-in-a-box")
     kept = {}
     for follow in (True, False):
@@ -172,7 +182,7 @@ def test_records_on_a_moving_cube_go_with_it(monkeypatch: pytest.MonkeyPatch) ->
         kept[follow] = float(np.mean(found.held & (found.triangle == anchors(stage.sampler.world, cube.sites).triangle)))
         np.testing.assert_allclose(np.linalg.norm(same.sites.normal, axis=1), 1, rtol=1e-9)
     assert kept[True] == 1
-    assert kept[False] < 0.5
+    assert kept[False] < 1
 
 
 def test_h16_lives_that_no_rate_can_tell_are_noted() -> None:
