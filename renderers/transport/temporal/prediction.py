@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import Grid
-from renderers.transport.caching.incoming import Incoming, Seen, seen_along
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.records import Sites
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
+from renderers.transport.seen import Seen, seen_along
 from renderers.transport.temporal.anchors import departures
 from renderers.transport.temporal.motion import Motion, crossing
 from renderers.transport.temporal.reprojection import Moved, reprojected
@@ -161,14 +162,14 @@ def shaded_later(
     radiance[changed], nearness[changed] = 0, 0
     # a new albedo may be anywhere
     index = np.arange(len(changed)) if motion.materials else np.flatnonzero(changed)
-    columns: Any = (column[index] for column in hits)
-    anew = seen_along(motion.after, directions[index], Hits(*columns))
+    anew = seen_along(motion.after, directions[index], Hits._make(column[index] for column in hits))
     anew = anew._replace(ray=index[anew.ray])
     nearness[anew.ray] = 1 / np.maximum(hits.t[anew.ray], OFFSET)
     kept = np.flatnonzero(~changed[cast.seen.ray]) if not motion.materials else index[:0]
     kept = kept[_relit(motion, cast.seen.position[kept])]
-    pairs: Any = zip(anew, cast.seen, strict=True)
-    part = Seen(*(np.concatenate([new, old[kept]]) for new, old in pairs))
+    still = Seen._make(column[kept] for column in cast.seen)
+    pairs: Any = zip(anew, still, strict=True)
+    part = Seen(*map(np.concatenate, pairs))
     if len(part.ray):
         radiance[part.ray], rays = incoming(part, sampler.light_numbers(part, cast))
     return Shaded(radiance, nearness, rays)

@@ -163,7 +163,7 @@ class Timed:
 
     def with_trends(self, index: Any, trends: Trends) -> Timed:
         """The same with other trends at the selected ones."""
-        columns: Any = {}
+        columns: dict[str, Any] = {}
         for name in Trends.__dataclass_fields__:
             columns[name] = getattr(self.trends, name).copy()
             columns[name][index] = getattr(trends, name)

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from renderers.scene.world import World
 from renderers.transport.caching.gradients import polar_moments
 from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, PolarSampler, grid_of, records_of
-from renderers.transport.caching.incoming import Incoming, Seen, seen_along
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
 from renderers.transport.sampling import frame, generator
+from renderers.transport.seen import Seen, seen_along
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
