@@ -25,6 +25,7 @@ from renderers.transport.threads import chunks, in_threads
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 RAYS_PER_TASK = 1 << 16
+GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 class Grid(NamedTuple):
@@ -124,9 +125,8 @@ class PolarSampler:
     def _rays(self, sites: Sites, tangents: F64, random: F64) -> tuple[F32, F32]:
         shape = len(sites.position) * self.grid.cells, 3
         origins, directions = np.empty(shape, np.float32), np.empty(shape, np.float32)
-        keys = (random[:, 6:] * 2**32).astype(np.uint32)
         _polar_rays(
-            *sites, tangents, *self.grid, self.equal_solid_angle, self._jitter, keys, OFFSET, origins, directions
+            *sites, tangents, *self.grid, self.equal_solid_angle, self._jitter, random[:, 6:], OFFSET, origins, directions
         )  # fmt: skip
         return origins, directions
 
@@ -143,18 +143,6 @@ def records_of(sites: Sites, tangents: F64, moments: Moments) -> Records:
         curvature=moments.curvature,
         clearance=moments.clearance,
     )
-
-
-@numba.njit(inline="always")
-def _mixed(key, counter):  # type: ignore[no-untyped-def]
-    """A number in [0, 1) from a key and a counter, 32-bit integer hash (Wellons 2018, lowbias32)."""
-    x = np.uint32(key) ^ np.uint32(counter * 0x9E3779B1)
-    x ^= x >> np.uint32(16)
-    x = np.uint32(x * np.uint32(0x7FEB352D))
-    x ^= x >> np.uint32(15)
-    x = np.uint32(x * np.uint32(0x846CA68B))
-    x ^= x >> np.uint32(16)
-    return x * (1.0 / 4294967296.0)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -177,8 +165,14 @@ def _turn(x):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True)
-def _polar_rays(position, normal, geometric, tangents, rings, sectors, solid, jitter, keys, offset, origins, directions):  # type: ignore[no-untyped-def]
+def _polar_rays(position, normal, geometric, tangents, rings, sectors, solid, jitter, shifts, offset, origins, directions):  # type: ignore[no-untyped-def]
+    """Rays through the cells of hemispheres, cell (j, k) met at (a, b) of its height and width, (½, ½) without jitter.
+
+    a follows the golden-ratio sequence along each ring, b along each sector, moved by random numbers of the record, shifts (K, 2),
+    modulo 1. So an edge along a ring or a sector is met at evenly spread places, where independent numbers would leave noise.
+    """
     ray, step = 0, 2 * np.pi / sectors
+    across_ring, across_sector = np.arange(sectors) * GOLDEN % 1.0, np.arange(rings) * GOLDEN % 1.0
     middle = step * (np.arange(sectors) + 0.5)
     cosines, sines = np.cos(middle), np.sin(middle)
     for record in range(len(position)):
@@ -187,7 +181,8 @@ def _polar_rays(position, normal, geometric, tangents, rings, sectors, solid, ji
             for k in range(sectors):
                 a = b = 0.5
                 if jitter:
-                    a, b = _mixed(keys[record, 0], j * sectors + k), _mixed(keys[record, 1], j * sectors + k)
+                    a, b = shifts[record, 0] + across_ring[k], shifts[record, 1] + across_sector[j]
+                    a, b = a - 1 if a >= 1 else a, b - 1 if b >= 1 else b
                 square = (j + a) / rings
                 square = square * (2 - square) if solid else square  # sin² θ, with cos θ = 1 - (j + a) / M
                 sine, cosine = np.sqrt(square), np.sqrt(1 - square)
