@@ -148,7 +148,7 @@ def run(
     for t in range(frames + (chosen.longest if mode == "interpolated" else 0)):
         canvas = _view(t * pan)
         counter = Counter[str]()
-        stage = _stage(t, v, placement)
+        stage = _stage(t, v, placement, counter)
         sites = Sites(canvas.position, canvas.normal, np.broadcast_to([0.0, 0, 1], canvas.normal.shape))
         renewed = cache.step(stage, [View(canvas, sites)], counter)
         for k, (film, waits) in enumerate(zip(films, open_, strict=True)):
@@ -174,10 +174,11 @@ def _view(shift: float) -> Canvas:
     return Canvas(np.arange(len(grid)), SIDE, position, normals(position), np.float64)
 
 
-def _stage(t: int, v: float, placement: Placement) -> Stage:
+def _stage(t: int, v: float, placement: Placement, counter: Counter[str]) -> Stage:
     now, later = Lamps(t, v), Lamps(t + 1, v)
 
     def sample(sites: Sites, places: Any, ahead: Any, tangents: Any = None) -> tuple[Records, Records]:
+        counter["records"] += len(sites.position)
         found = now.records(sites)
         return found, found if ahead is None else later.records(sites)
 
