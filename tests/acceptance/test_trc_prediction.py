@@ -112,10 +112,9 @@ def ball(centre: float, radius: float = 0.3) -> tuple[NDArray[np.bool_], F64]:
     return hit, (d * t[..., None]).reshape(-1, 3)
 
 
-@pytest.mark.parametrize("magnification", [0.18, 0.44])
-def test_h7_an_approaching_ball_is_seen_to_approach(magnification: float) -> None:
-    """Cracks lose a part of the change above 15 %: its sign is right, its size between 0.3 and 1.3 of what it is."""
-    far, near = 1.5, 1.5 / (1 + magnification)
+def test_h7_an_approaching_ball_is_seen_to_approach() -> None:
+    """Larger by 18 %: cracks lose a part of the change; its sign is right, its size between 0.3 and 1.3 of what it is."""
+    far, near = 1.5, 1.5 / 1.18
     hit, points = ball(far)
     drawn = PLANE.reprojected(points + np.where(hit.ravel()[:, None], [0, 0, near - far], 0))
     light = np.where(hit, 1.0, 0.1)
