@@ -19,7 +19,7 @@ from renderers.scene.builtin.solids import box, moved
 from renderers.scene.model import Lambert, PointLight, Scene
 from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import Grid, PolarSampler
-from renderers.transport.caching.incoming import ReflectedDirectLight, Seen
+from renderers.transport.caching.incoming import ReflectedDirectLight
 from renderers.transport.caching.limits import Limits, limited
 from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.plane import PlaneSampler
@@ -27,6 +27,7 @@ from renderers.transport.caching.records import Sites
 from renderers.transport.caching.splat import Canvas, gather
 from renderers.transport.direct import receivers_of
 from renderers.transport.primary import cast_gbuffer
+from renderers.transport.seen import Seen
 
 F64 = NDArray[np.float64]
 METHOD = RadianceCacheSplatting()

@@ -9,10 +9,10 @@ from renderers.scene.world import World
 from renderers.transport.caching.cube import cube_tables, harmonic_tables, size_of
 from renderers.transport.caching.hemicube import HemicubeSampler, cube_moments
 from renderers.transport.caching.hemisphere import Grid, PolarSampler
-from renderers.transport.caching.incoming import Seen
 from renderers.transport.caching.radiance import RadianceSampler
 from renderers.transport.caching.records import Sites
 from renderers.transport.hemispherical.basis import hemispherical_harmonics
+from renderers.transport.seen import Seen
 
 F64 = NDArray[np.float64]
 
