@@ -4,7 +4,7 @@ Run: `python -m benchmarks.trc [--scene NAME]… [--run NAME]… [--size WxH] [-
 All five scenes take about a quarter of an hour on two quiet cores; a scene at a time less. Figures: docs/methods/trc.md.
 
 `temporal` is `trc`; `per-frame` the same program with a fresh cache in every frame, the baseline of all ratios; `rcs` the method of
-that name, whose pictures and costs are the same, so it is left out unless asked for; `static` never renews a record: ghosts as bad
+that name, which places records otherwise and is left out unless asked for; `static` never renews a record: ghosts as bad
 as they get. Caches take turns frame by frame. `pt` and `pt-temporal` trace as many one-bounce paths a pixel as take the CPU time
 of `temporal`, found by a pilot. They reflect indirect light on glossy surfaces as such, the others and the truth as on diffuse
 ones, so their errors mean something in diffuse scenes only.
