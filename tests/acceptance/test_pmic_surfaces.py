@@ -40,29 +40,38 @@ def recipe(n_min: int = 8, a: float = 0.3, smallest: float = 0.01) -> Recipe:
 # --- curved surfaces -----------------------------------------------------------------------------------------------------------
 
 
+@cache
+def ball() -> World:
+    """A smooth hollow ball, as large as the World's box, with a lamp in its centre."""
+    polar = np.linspace(np.pi - 0.01, 0.01, 129)
+    b = SceneBuilder("ball")
+    b.place(lathe(np.stack([np.sin(polar), np.cos(polar)], axis=1), 192), b.material(Lambert("grey", (0.5,) * 3)), "ball")
+    b.light(PointLight("lamp"), (0.0, 0.0, 0.0))
+    b.camera((0, 0, 0.5), (0, 0, 0), 1.0)
+    return b.build().world()
+
+
 def test_surface_points_are_spread_by_area() -> None:
-    """One in each equal share of the area, in the order of the triangles: a triangle's number is right to ±1."""
-    world = renderers.load_scene("sphere-in-sphere").world()
-    count = 20_000
+    """On a ball equal heights have equal areas (Archimedes); points are stratified along the triangles, which go up in rings."""
+    world, count = ball(), 20_000
     position, normal = spread(world, count)
-    inner = np.linalg.norm(position, axis=1) < 0.9 * np.linalg.norm(position, axis=1).max()
-    instance = world.instance
-    areas = np.bincount(instance, world.areas)
-    assert abs(inner.sum() - count * areas.min() / areas.sum()) <= 1
+    size = float(np.abs(world.positions).max())
+    height = np.sort(position[:, 1]) / size
+    assert np.abs(height - np.linspace(-1, 1, count)).max() < 0.02  # a ring of triangles is 0.025 high, and its points are random
     assert np.linalg.norm(normal, axis=1) == pytest.approx(np.ones(count), abs=1e-6)
     radial = position / np.linalg.norm(position, axis=1, keepdims=True)
-    assert np.abs(np.einsum("nc,nc->n", radial, normal)).min() > 0.999
+    assert np.abs(np.einsum("nc,nc->n", radial, normal)).min() > 0.99
 
 
 def test_flat_scenes_have_no_surface_points() -> None:
     assert surface_of(photon_box().world(), 1000) is UNMEASURED
-    surface = surface_of(renderers.load_scene("sphere-in-sphere").world(), 1000)
+    surface = surface_of(ball(), 1000)
     assert len(surface.tree.positions) == PER_PHOTON * 1000
 
 
 def test_on_a_sphere_the_counted_area_is_right_where_the_hull_is_too_small() -> None:
     """Zones of a quarter of the radius R: the hull is 1/(1 - r²/4R²) = 1.016 too bright (H11), counted area is right."""
-    world, count, share = renderers.load_scene("sphere-in-sphere").world(), 300_000, 0.25
+    world, count, share = ball(), 300_000, 0.25
     size = float(np.abs(world.positions).max())
     n = RNG.normal(size=(count, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
@@ -112,8 +121,7 @@ def test_few_photons_on_a_thin_column_make_no_bright_spots() -> None:
 
 def test_refinement_goes_on_with_counted_areas() -> None:
     """Eight rounds on the inner surface of a sphere: less than two thirds of one round's error, and no bias."""
-    scene = renderers.load_scene("sphere-in-sphere", source="point")
-    world = scene.world()
+    world = ball()
 
     def spread_of(rounds: int) -> tuple[float, float]:
         photons = photon_map(trace(world, 5_000, seed=2))
@@ -133,9 +141,8 @@ def test_refinement_goes_on_with_counted_areas() -> None:
 
 def glossy_plane() -> tuple[PhotonMap, Points, np.ndarray, Zones]:
     count = 40_000
-    photons = on_plane(RNG.random((count, 2)), distance=0.3)
     local = cosine_hemisphere(np.tile([0.0, 0.0, 1.0], (count, 1)), RNG.random((count, 2)))
-    photons = replace(photons, photons=photons.photons._replace(direction=local.astype(np.float32)))
+    photons = on_plane(RNG.random((count, 2)), direction=local, distance=0.3)
     p = photons.photons
     rows = np.flatnonzero((np.abs(p.position[:, :2] - 0.5) < 0.3).all(axis=1))[:40]
     where = Points(p.position[rows].astype(float), p.normal[rows].astype(float), np.full(40, 0.02))
@@ -158,7 +165,7 @@ def test_uniform_light_has_one_coefficient() -> None:
     photons, where, rows, zones = glossy_plane()
     mean = radiance_of_zones(photons, where, rows, zones, 4)[..., 0].mean(axis=0)
     level = np.sqrt(2 * np.pi) / np.pi
-    assert mean[0] == pytest.approx(0.975 * level, rel=0.03)
+    assert mean[0] == pytest.approx(level, rel=0.05)
     assert np.abs(mean[1:]).max() < 0.1 * level
 
 
