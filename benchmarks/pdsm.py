@@ -64,19 +64,24 @@ def compression(stage: Stage) -> None:
 def memory(stage: Stage) -> None:
     """Peak resident memory over the user's bound, the result included, and what a tight bound costs."""
     stage.build(64, 512, 512)
-    for samples, bound in ((64, 64), (64, 128), (64, 1024), (256, 64), (256, 128), (256, 1024)):
-        kept: list[tuple[int, float]] = []
-        tally = Counter[str]()
+    for samples, across, bounds in ((64, 512, (64, 128, 1024)), (256, 512, (64, 128, 1024)), (256, 256, (24, 48, 64))):
+        for bound in bounds:
+            kept: list[tuple[int, float]] = []
+            tally = Counter[str]()
 
-        def work(n: int = samples, b: int = bound, k: list[tuple[int, float]] = kept, t: Counter[str] = tally) -> None:
-            start = time.process_time()
-            size = stage.build(n, 512, 512, t, memory=b << 20).bytes
-            k.append((size, time.process_time() - start))
+            def work(
+                n: int = samples, r: int = across, b: int = bound, k: list[tuple[int, float]] = kept, t: Counter[str] = tally
+            ) -> None:
+                start = time.process_time()
+                size = stage.build(n, r, r, t, memory=b << 20).bytes
+                k.append((size, time.process_time() - start))
 
-        peak = peak_bytes(work)
-        size, cpu = kept[0]
-        print(f"{samples} maps, bound {bound} MiB: peak {peak / MIB:.0f} MiB, result {size / MIB:.1f} MiB,", end=" ")
-        print(f"{tally['shadow_maps']} maps drawn, {cpu:.1f} s CPU", flush=True)
+            peak = peak_bytes(work)
+            size, cpu = kept[0]
+            print(
+                f"{samples} maps of {across}², bound {bound} MiB: peak {peak / MIB:.0f} MiB, result {size / MIB:.1f} MiB,", end=" "
+            )
+            print(f"{tally['shadow_maps']} maps drawn, {cpu:.1f} s CPU", flush=True)
 
 
 def threads(stage: Stage) -> None:

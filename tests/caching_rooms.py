@@ -15,8 +15,8 @@ from renderers.scene.builder import SceneBuilder
 from renderers.scene.builtin.solids import box
 from renderers.scene.model import Lambert, PointLight, Scene
 from renderers.scene.world import World
-from renderers.transport.caching.incoming import Seen
 from renderers.transport.caching.records import Sites
+from renderers.transport.seen import Seen
 
 F64 = NDArray[np.float64]
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]

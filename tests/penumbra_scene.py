@@ -175,7 +175,7 @@ def ready(cameras: F64, maps: NDArray[np.float32]) -> MapMaker:
     """Maps (N, h, w) of cameras (N, CAMERA) that are there already."""
     index = {camera.tobytes(): k for k, camera in enumerate(cameras)}
 
-    def draw(part: F64, top: NDArray[np.int64], out: NDArray[np.float32]) -> None:
+    def draw(part: F64, top: NDArray[np.int64], out: NDArray[np.float32], spare: NDArray[np.float32]) -> None:
         for camera, first, band in zip(part, top, out, strict=True):
             there = maps[index[camera.tobytes()], first : first + len(band)]
             band.fill(np.inf)

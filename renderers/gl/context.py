@@ -6,9 +6,12 @@ import ctypes
 import os
 import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -104,8 +107,12 @@ def _create() -> Device:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # deprecations inside pyrender, PyOpenGL and pyglet, at import only
             import moderngl
+            import pyglet
+
+            pyglet.options["headless"] = True  # pyrender's viewer, which nothing here uses, would load the libraries of X11
             import pyrender
-        offscreen = pyrender.OffscreenRenderer(1, 1)
+        with _version_asked():
+            offscreen = pyrender.OffscreenRenderer(1, 1)
         offscreen._platform.make_current()
         loader = _EGLLoader()
         ctx = moderngl.create_context(require=VERSION, context=loader)  # type: ignore[arg-type]
@@ -116,6 +123,26 @@ def _create() -> Device:
     ctx.gc_mode = "context_gc"
     idle = ctx.framebuffer([ctx.texture((1, 1), 4)])
     return Device(ctx, offscreen, idle, _use_zero_to_one(loader, ctx), (os.getpid(), threading.get_ident()))
+
+
+@contextmanager
+def _version_asked() -> Iterator[None]:
+    """EGL is asked for OpenGL 4.3 instead of pyrender's 4.1. Mesa gives its newest version to both; NVIDIA gives what was asked."""
+    from pyrender.platforms import egl
+
+    egl._ensure_egl_loaded()  # before the import, which else takes the platform that another importer of PyOpenGL left
+    from OpenGL import EGL
+
+    create = EGL.eglCreateContext
+
+    def created(display: Any, config: Any, share: Any, attributes: Any) -> Any:
+        names, (major, minor) = list(attributes[::2]), divmod(VERSION // 10, 10)
+        attributes[2 * names.index(EGL.EGL_CONTEXT_MAJOR_VERSION) + 1] = major
+        attributes[2 * names.index(EGL.EGL_CONTEXT_MINOR_VERSION) + 1] = minor
+        return create(display, config, share, attributes)
+
+    with patch.object(EGL, "eglCreateContext", created):
+        yield
 
 
 def _use_zero_to_one(loader: _EGLLoader, ctx: Any) -> bool:

@@ -108,7 +108,8 @@ def render_resident(world: World, size: tuple[int, int], offset: tuple[float, fl
 
 
 def draw_runs(target: Any, shader: Any, world: World, uploaded: Uploaded) -> None:
-    """Draw all triangles with `gbuffer.*.glsl`, one call for each run of a texture."""
+    """Draw all triangles with `gbuffer.*.glsl` into the target's viewport, one call for each run of a texture."""
+    assign(shader, window=target.viewport)
     vertices = uploaded.vertex_array(shader, "in_position", "in_normal", "in_uv")
     for first, count, texture in uploaded.runs:
         if texture >= 0:

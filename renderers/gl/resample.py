@@ -64,7 +64,8 @@ def resample(
 
     keys, shift: 32-bit integers, see `transport.resampling`. even, carry: False shows what the thesis's rules lose. indirect: the
     second pass draws as many patches as the first one counted, without the CPU. patches: room for so many; the triangles that don't
-    fit get one point each, with all their weight. Raises ValueError unless area > 0, GLError.
+    fit get one point each, with all their weight (on a GPU, which ones these are is a race). Raises ValueError unless area > 0,
+    GLError.
     """
     if not area > 0:
         raise ValueError(f"the area of one point must be positive, got {area}")

@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 
 from renderers.method import Context, register, setting
 from renderers.methods.ir import InstantRadiosity
-from renderers.methods.one_bounce import OneBounce, OneBounceSettings
+from renderers.methods.one_bounce import OneBounce, OneBounceSettings, make_gbuffer
+from renderers.scene.model import Scene
 from renderers.scene.world import LAMBERT, World
 
 if TYPE_CHECKING:
@@ -75,14 +76,13 @@ class DeepScreenSpace(OneBounce):
 
     def warm_up(self, world: World, settings: Any) -> None:
         """A splat of nothing on one pixel."""
-        from renderers.methods.ir import make_gbuffer
         from renderers.transport.vpl import Vpls
 
         none = np.zeros((0, 3), np.float32)
         gbuffer = make_gbuffer(world, (1, 1), (0.5, 0.5), settings.backend)
         splat(world, gbuffer, Vpls(none, none, none, np.zeros(0, np.int64), 0), settings, Counter())
 
-    def prepare(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> Made:
+    def prepare(self, scene: Scene, world: World, settings: Any, context: Context, counters: Counter[str]) -> Made:
         """Split triangles, light the pieces, draw a sub-image for each."""
         from renderers.transport.sampling import generator
         from renderers.transport.surfels import pieces_of
@@ -96,7 +96,7 @@ class DeepScreenSpace(OneBounce):
         return Made(surfels, places[surfels.index])
 
     def bounce(
-        self, world: World, gbuffer: GBuffer, direct: NDArray[np.float32], made: Made, settings: Any, counters: Counter[str]
+        self, world: World, gbuffer: GBuffer, lit: NDArray[np.float32], made: Made, settings: Any, seed: int, counters: Counter[str]
     ) -> NDArray[np.float32]:
         """All surfels on the whole picture, or each on its sub-image, s² times as strong, and then the filter."""
         side = settings.interleave
@@ -106,7 +106,7 @@ class DeepScreenSpace(OneBounce):
 
         lambert = gbuffer.covered & (world.materials.kind[gbuffer.material] == LAMBERT)
         white = replace(gbuffer, base=np.where(lambert[..., None], np.float32(1), gbuffer.base))
-        image = np.empty(direct.shape, np.float32)
+        image = np.empty(lit.shape, np.float32)
         for index, (place, part) in enumerate(sub_images(white, side)):
             image[place] = splat(world, part, chosen(made.surfels, made.place == index, side * side), settings, counters)
         return joined(image, gbuffer, side) * np.where(lambert[..., None], gbuffer.base, np.float32(1))

@@ -38,23 +38,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.frame import Frame
 from renderers.method import Context, register, setting
 from renderers.methods.flc_levels import calibrate, family_of, notes_of
-from renderers.methods.ir import (
-    InstantRadiosity,
-    IrSettings,
-    backend_of,
-    clamp_of,
-    direct_layer,
-    eta_of,
-    gather_vpls,
-    light_of,
-    make_gbuffer,
-    resampled,
-    timed,
-)
-from renderers.methods.ir import warm_up as warm_up_ir
+from renderers.methods.ir import InstantRadiosity, IrSettings, eta_of, gather_vpls, light_of, resampled
+from renderers.methods.one_bounce import backend_of, clamp_of
 from renderers.scene.model import Scene
 from renderers.scene.world import LAMBERT, World
 
@@ -112,12 +99,20 @@ class Draw(NamedTuple):
     place: NDArray[np.int64]
 
 
+class Made(NamedTuple):
+    """What a frame prepares: the support functions, and a draw of virtual lights for each pass."""
+
+    family: Family
+    draws: list[Draw]
+
+
 class ForwardLightCuts(InstantRadiosity):
     """Direct light plus one diffuse bounce through virtual lights of random, bounded reach."""
 
     name = "flc"
     title = "Forward light cuts"
     source = "Laurent 2018 chapter 4; Laurent et al. 2016"
+    pass_name = "splat"
     Settings = FlcSettings
     claims: ClassVar = InstantRadiosity.claims
 
@@ -137,30 +132,30 @@ class ForwardLightCuts(InstantRadiosity):
             }
         )
 
-    def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
-        world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
-        with watch("warm-up", "prepare"):
-            warm_up(world, settings)
+    def warm_up(self, world: World, settings: Any) -> None:
+        """What `ir` warms up, and the splatting kernels or shader."""
+        super().warm_up(world, settings)
+        if not is_ir(settings):
+            warm_up_splat(world, settings)
+
+    def prepare(self, scene: Scene, world: World, settings: Any, context: Context, counters: Counter[str]) -> Made:
+        """The virtual lights of all passes, with their levels."""
         family = family_of(scene, settings)
-        points = [resampled(world, settings, context.seed, watch, p) for p in range(settings.passes)]
-        with watch("vpls"):
+        points = [resampled(world, settings, context.seed, context.watch, p) for p in range(settings.passes)]
+        with context.watch("vpls"):
             draws = [draw(world, family, settings, context.seed + (p << 48), counters, points[p]) for p in range(settings.passes)]
-        direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
-        indirect = np.zeros_like(direct)
-        k, on_gl = settings.subpixels, settings.backend == "gl"
-        for index in range(k * k):
-            offset = ((index % k + 0.5) / k, (index // k + 0.5) / k)
-            with timed(watch, "gbuffer", "render", on_gl):
-                gbuffer = make_gbuffer(world, context.size, offset, settings.backend)
-            with timed(watch, "direct", "render", settings.direct_visibility == "shadow-map"):
-                direct += direct_layer(world, gbuffer, settings, context.seed + (index << 32), counters)
-            with timed(watch, "splat", "render", on_gl):
-                indirect += sum(splat_draw(world, gbuffer, d, family, settings, counters) for d in draws) / len(draws)
-            counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
-        layers = {"direct": (direct / k**2).astype(np.float32), "indirect": (indirect / k**2).astype(np.float32)}
-        layers["beauty"] = layers["direct"] + layers["indirect"]
-        notes = notes_of(scene, settings)
-        return Frame(layers, watch.timings, dict(sorted(counters.items())), {"backend": settings.backend}, notes)
+        return Made(family, draws)
+
+    def bounce(
+        self, world: World, gbuffer: GBuffer, lit: NDArray[np.float32], made: Made, settings: Any, seed: int, counters: Counter[str]
+    ) -> NDArray[np.float32]:
+        """Mean of the passes."""
+        images = [splat_draw(world, gbuffer, d, made.family, settings, counters) for d in made.draws]
+        return np.asarray(sum(images) / len(images), np.float32)
+
+    def notes(self, scene: Scene, settings: Any) -> tuple[str, ...]:
+        """What the levels were cut down to."""
+        return notes_of(scene, settings)
 
 
 def is_ir(settings: Any) -> bool:
@@ -168,11 +163,8 @@ def is_ir(settings: Any) -> bool:
     return settings.levels == 1 and settings.family not in ("linear", "ridge") and settings.interleave == 1
 
 
-def warm_up(world: World, settings: Any) -> None:
-    """What `ir` warms up, and the splatting kernels or shader."""
-    warm_up_ir(world, settings)
-    if is_ir(settings):
-        return
+def warm_up_splat(world: World, settings: Any) -> None:
+    """Compile the splatting kernels or shader."""
     kernel = {"linear": 1, "ridge": 2, "roulette": 3}.get(settings.family, 0)
     if settings.backend == "gl":
         from renderers.gl.cuts import warm_up as compile_shaders

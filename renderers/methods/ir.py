@@ -23,26 +23,24 @@ vpls (points and their shadowed direct irradiance), gbuffer, direct, gather.
 
 from __future__ import annotations
 
-import contextlib
 from collections import Counter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.frame import Frame, Stopwatch
-from renderers.method import Claim, Context, Method, Settings, Transport, register, setting
+from renderers.frame import Stopwatch
+from renderers.method import Claim, Context, Settings, Transport, register, setting
+from renderers.methods.one_bounce import OneBounce, backend_of, clamp_of, timed
 from renderers.scene.model import Scene
 from renderers.scene.surface import rest_surface
-from renderers.scene.world import LAMBERT, World, rest_bounds
+from renderers.scene.world import LAMBERT, World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.resampling.points import Points
     from renderers.transport.vpl import Vpls
 
-SOFTWARE_DEVICES = ("llvmpipe", "softpipe", "swrast")
-CLAMP_SHARE = 0.01
 SOURCE = "Laurent 2018 §4.2"
 # Whether GL shaders have been compiled, as drivers do it in the first draw, for Worlds without and with textures.
 _COMPILED: set[bool] = set()
@@ -75,12 +73,13 @@ class IrSettings(Settings):
     backend: Literal["auto", "gl", "cpu"] = setting("auto", "where G-buffer and gather run; auto: by a table on the device string")
 
 
-class InstantRadiosity(Method):
+class InstantRadiosity(OneBounce):
     """Direct light plus one diffuse bounce through virtual point lights."""
 
     name = "ir"
     title = "Instant radiosity"
     source = "Keller 1997; Laurent 2018 chapters 3 and 4"
+    pass_name = "gather"
     Settings = IrSettings
     claims: ClassVar = {
         "glossy": Claim("approximated", "exact at the receiver; a glossy source reflects as a diffuse one of its mean albedo"),
@@ -103,33 +102,48 @@ class InstantRadiosity(Method):
             }
         )
 
-    def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
-        world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
-        with watch("warm-up", "prepare"):
-            warm_up(world, settings)
-        points = resampled(world, settings, context.seed, watch)
-        with watch("vpls"):
-            vpls = light_of(world, points, settings, context.seed, counters)
-        direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
-        indirect = np.zeros_like(direct)
-        k, on_gl = settings.subpixels, settings.backend == "gl"
-        for index in range(k * k):
-            offset = ((index % k + 0.5) / k, (index // k + 0.5) / k)
-            with timed(watch, "gbuffer", "render", on_gl):
-                gbuffer = make_gbuffer(world, context.size, offset, settings.backend)
-            with timed(watch, "direct", "render", settings.direct_visibility == "shadow-map"):
-                direct += direct_layer(world, gbuffer, settings, context.seed + (index << 32), counters)
-            with timed(watch, "gather", "render", on_gl):
-                indirect += gather_vpls(world, gbuffer, vpls, settings, counters)
-            counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
-        layers = {"direct": (direct / k**2).astype(np.float32), "indirect": (indirect / k**2).astype(np.float32)}
-        layers["beauty"] = layers["direct"] + layers["indirect"]
-        return Frame(layers, watch.timings, dict(sorted(counters.items())), {"backend": settings.backend})
+    def warm_up(self, world: World, settings: Any) -> None:
+        """Kernels or shaders of the sampler and the gather."""
+        import renderers.transport.primary
+        import renderers.transport.vpl  # noqa: F401
+        from renderers.transport.gather import warm_up as compile_gather
+        from renderers.transport.raycast import caster_of
 
+        caster_of(world)
+        if settings.backend == "cpu":
+            if settings.sampler == "resampled":
+                from renderers.transport.resampling.points import warm_up as compile_kernels
 
-def clamp_of(scene: Scene, eps_b: float | None) -> float:
-    """The clamp in m²: as given, or (CLAMP_SHARE of the scene's radius)²; independent of N, so more VPLs converge to one image."""
-    return (CLAMP_SHARE * rest_bounds(scene)[1]) ** 2 if eps_b is None else eps_b
+                compile_kernels()
+            compile_gather(settings.visibility == "raycast", bool((world.materials.kind != LAMBERT).any()))
+            return
+        from renderers.gl.upload import upload
+
+        upload(world)
+        textured = bool(world.textures)
+        if textured not in _COMPILED:
+            from renderers.gl.gather import gather as gather_gl
+            from renderers.gl.gbuffer import render_gbuffer
+
+            light = np.zeros((1, 3), np.float32)
+            gather_gl(render_gbuffer(world, (1, 1)), world, light, light, light, 0.0)
+            _COMPILED.add(textured)
+        if settings.sampler == "resampled":
+            from renderers.gl.resample import warm_up as compile_shaders
+
+            compile_shaders()
+
+    def prepare(self, scene: Scene, world: World, settings: Any, context: Context, counters: Counter[str]) -> Any:
+        """The virtual lights."""
+        points = resampled(world, settings, context.seed, context.watch)
+        with context.watch("vpls"):
+            return light_of(world, points, settings, context.seed, counters)
+
+    def bounce(
+        self, world: World, gbuffer: GBuffer, lit: NDArray[np.float32], made: Any, settings: Any, seed: int, counters: Counter[str]
+    ) -> NDArray[np.float32]:
+        """The light of all of them."""
+        return gather_vpls(world, gbuffer, made, settings, counters)
 
 
 def eta_of(scene: Scene, settings: Any) -> float | None:
@@ -137,47 +151,6 @@ def eta_of(scene: Scene, settings: Any) -> float | None:
     if settings.sampler != "resampled" or settings.eta is not None:
         return settings.eta  # type: ignore[no-any-return]
     return rest_surface(scene) / settings.vpls  # type: ignore[no-any-return]
-
-
-def backend_of(backend: str, visibility: str, device: str) -> str:
-    """The table behind `auto`: ray casting and software rasterisers → cpu, anything else → gl."""
-    if visibility == "raycast":
-        return "cpu"
-    if backend != "auto":
-        return backend
-    return "cpu" if any(name in device.lower() for name in SOFTWARE_DEVICES) else "gl"
-
-
-def warm_up(world: World, settings: Any) -> None:
-    """Import, compile kernels or shaders, upload geometry and build the ray caster, so that no measured pass pays for it."""
-    import renderers.transport.primary
-    import renderers.transport.vpl  # noqa: F401
-    from renderers.transport.gather import warm_up as compile_gather
-    from renderers.transport.raycast import caster_of
-
-    caster_of(world)
-    if settings.backend == "cpu":
-        if settings.sampler == "resampled":
-            from renderers.transport.resampling.points import warm_up as compile_kernels
-
-            compile_kernels()
-        compile_gather(settings.visibility == "raycast", bool((world.materials.kind != LAMBERT).any()))
-        return
-    from renderers.gl.upload import upload
-
-    upload(world)
-    textured = bool(world.textures)
-    if textured not in _COMPILED:
-        from renderers.gl.gather import gather as gather_gl
-        from renderers.gl.gbuffer import render_gbuffer
-
-        light = np.zeros((1, 3), np.float32)
-        gather_gl(render_gbuffer(world, (1, 1)), world, light, light, light, 0.0)
-        _COMPILED.add(textured)
-    if settings.sampler == "resampled":
-        from renderers.gl.resample import warm_up as compile_shaders
-
-        compile_shaders()
 
 
 def resampled(world: World, settings: Any, seed: int, watch: Stopwatch, draw: int = 0) -> Points | None:
@@ -206,37 +179,6 @@ def light_of(world: World, points: Points | None, settings: Any, seed: int, coun
     if points is None:
         return emit_vpls(world, settings.vpls, seed, settings.sampler, settings.light_samples, counters)
     return emit_resampled(world, points, settings.eta * world.scale**2, settings.light_samples, seed, counters)
-
-
-def timed(watch: Stopwatch, name: str, stage: Literal["prepare", "render"], on_gl: bool) -> contextlib.AbstractContextManager[None]:
-    """The stopwatch for a pass, with GPU seconds where it runs on GL."""
-    if not on_gl:
-        return watch(name, stage)
-    from renderers.gl.timers import timed as timed_gl
-
-    return timed_gl(watch, name, stage)
-
-
-def make_gbuffer(world: World, size: tuple[int, int], offset: tuple[float, float], backend: str) -> GBuffer:
-    """The G-buffer by GL or by ray casting."""
-    if backend == "gl":
-        from renderers.gl.gbuffer import render_gbuffer
-
-        return render_gbuffer(world, size, offset)
-    from renderers.transport.primary import cast_gbuffer
-
-    return cast_gbuffer(world, size, offset)
-
-
-def direct_layer(world: World, gbuffer: GBuffer, settings: Any, seed: int, counters: Counter[str]) -> NDArray[np.float32]:
-    """Emission, background and reflected direct light, float32 (H, W, 3)."""
-    from renderers.transport.direct import direct, emitted
-
-    if settings.direct_visibility == "shadow-map":
-        from renderers.gl.direct import direct as mapped
-
-        return emitted(world, gbuffer) + mapped(world, gbuffer, light_samples=settings.light_samples)
-    return emitted(world, gbuffer) + direct(world, gbuffer, settings.light_samples, seed, counters=counters)
 
 
 def gather_vpls(world: World, gbuffer: GBuffer, vpls: Vpls, settings: Any, counters: Counter[str]) -> NDArray[np.float32]:

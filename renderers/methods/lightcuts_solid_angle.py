@@ -19,16 +19,15 @@ conservative: r² is the distance to the node's box, the cosine a bound over the
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections import Counter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.frame import Frame
-from renderers.method import Context, Method, Settings, Transport, register, setting
-from renderers.methods.ir import InstantRadiosity, clamp_of, direct_layer, make_gbuffer, timed
+from renderers.method import Context, Settings, Transport, register, setting
+from renderers.methods.ir import InstantRadiosity
+from renderers.methods.one_bounce import OneBounce, clamp_of
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -55,9 +54,10 @@ class TreeSettings(Settings):
     direct_visibility: Literal["raycast", "shadow-map"] = setting("raycast", "shadows of the direct layer")
 
 
-class TreeMethod(Method):
+class TreeMethod(OneBounce):
     """Direct light plus one bounce through a tree of virtual lights; subclasses say how a pixel walks the tree."""
 
+    pass_name = "cuts"
     claims: ClassVar = InstantRadiosity.claims
 
     def transport(self, settings: Any) -> Transport:
@@ -68,50 +68,28 @@ class TreeMethod(Method):
         """Fill in `eps_b` from the scene's radius."""
         return settings.model_copy(update={"eps_b": clamp_of(scene, settings.eps_b)})
 
-    @abstractmethod
-    def _walk(
-        self,
-        world: World,
-        gbuffer: GBuffer,
-        tree: LightTree,
-        settings: Any,
-        seed: int,
-        counters: Counter[str],
-        caster: RayCaster | None,
-    ) -> NDArray[np.float32]:
-        """Light of the tree at every pixel, float32 (H, W, 3), shadow-tested if there is a caster."""
+    def warm_up(self, world: World, settings: Any) -> None:
+        """Kernels of tree and cuts."""
+        from renderers.transport.tree_gather import warm_up
 
-    def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
-        world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
-        with watch("warm-up", "prepare"):
-            from renderers.transport.light_tree import build
-            from renderers.transport.raycast import caster_of
-            from renderers.transport.tree_gather import warm_up
-            from renderers.transport.vpl import emit_vpls
+        warm_up()
 
-            caster = caster_of(world)
-            warm_up()
-        with watch("vpls"):
+    def prepare(self, scene: Scene, world: World, settings: Any, context: Context, counters: Counter[str]) -> LightTree:
+        """The virtual lights, and the tree over them."""
+        from renderers.transport.light_tree import build
+        from renderers.transport.vpl import emit_vpls
+
+        with context.watch("vpls"):
             vpls = emit_vpls(world, settings.vpls, context.seed, settings.sampler, settings.light_samples, counters)
-        with watch("tree"):
-            tree = build(vpls)
-        direct = np.zeros((context.size[1], context.size[0], 3), np.float64)
-        indirect = np.zeros_like(direct)
-        k = settings.subpixels
-        for index in range(k * k):
-            seed = context.seed + (index << 32)
-            with watch("gbuffer"):
-                gbuffer = make_gbuffer(world, context.size, ((index % k + 0.5) / k, (index // k + 0.5) / k), "cpu")
-            with timed(watch, "direct", "render", settings.direct_visibility == "shadow-map"):
-                direct += direct_layer(world, gbuffer, settings, seed, counters)
-            with watch("cuts"):
-                indirect += self._walk(
-                    world, gbuffer, tree, settings, seed, counters, caster if settings.visibility == "raycast" else None
-                )
-            counters["pixels_covered"] += int(np.count_nonzero(gbuffer.covered))
-        layers = {"direct": (direct / k**2).astype(np.float32), "indirect": (indirect / k**2).astype(np.float32)}
-        layers["beauty"] = layers["direct"] + layers["indirect"]
-        return Frame(layers, watch.timings, dict(sorted(counters.items())), {"backend": "cpu"})
+        with context.watch("tree"):
+            return build(vpls)
+
+
+def caster_for(world: World, settings: Any) -> RayCaster | None:
+    """The World's ray caster, where nodes of the cut are tested for shadows."""
+    from renderers.transport.raycast import caster_of
+
+    return caster_of(world) if settings.visibility == "raycast" else None
 
 
 class SolidAngleSettings(TreeSettings):
@@ -130,20 +108,16 @@ class SolidAngleCuts(TreeMethod):
     source = "Laurent 2018 §4.2.1; Christensen 2008"
     Settings = SolidAngleSettings
 
-    def _walk(
-        self,
-        world: World,
-        gbuffer: GBuffer,
-        tree: LightTree,
-        settings: Any,
-        seed: int,
+    def bounce(
+        self, world: World, gbuffer: GBuffer, lit: NDArray[np.float32], made: LightTree, settings: Any, seed: int,
         counters: Counter[str],
-        caster: RayCaster | None,
-    ) -> NDArray[np.float32]:
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """The lights of each pixel's cut."""
         from renderers.transport.tree_gather import gather_solid_angle
 
         area, eps_b = float(world.areas.sum()) / settings.vpls, settings.eps_b * world.scale**2
-        return gather_solid_angle(gbuffer, world, tree, area, settings.epsilon_omega, eps_b, counters, caster)
+        caster = caster_for(world, settings)
+        return gather_solid_angle(gbuffer, world, made, area, settings.epsilon_omega, eps_b, counters, caster)
 
 
 register(SolidAngleCuts)

@@ -46,6 +46,7 @@ from renderers.methods.soft_shadows import SoftShadows, SoftShadowSettings
 from renderers.scene.world import World
 
 if TYPE_CHECKING:
+    from renderers.transport.penumbra.build import LightShadows
     from renderers.transport.penumbra.emitters import Emitter
     from renderers.transport.penumbra.shading import F64, Hidden
 
@@ -105,13 +106,14 @@ class PenumbraDeepShadowMaps(SoftShadows):
             epsilon=settings.epsilon,
             memory=settings.memory << 20,
         )
-        shadows = [
-            build(
+        shadows: list[LightShadows] = []
+        for emitter, light_points in zip(emitters, points, strict=True):
+            one = build(
                 world, emitter, light_points, resolution=settings.resolution, map_resolution=settings.map_resolution, how=how,
                 slope=Slope(settings.slope_bias, settings.filter), near=settings.near, counters=counters,
-            )
-            for emitter, light_points in zip(emitters, points, strict=True)
-        ]  # fmt: skip
+                held=sum(s.nbytes for s in shadows),
+            )  # fmt: skip
+            shadows.append(one)
         counters["bytes_functions"] = sum(m.bytes for s in shadows for m in s.maps)
         return lambda k, positions, normals: shadows[k].hidden(positions, normals, settings.normal_offset, settings.filter)
 

@@ -15,13 +15,15 @@ depend on the order of the records, and after the records every pixel is reached
 | ------------- | ------- | ---- | ----------------------------- | ---------------------------------------------------------- |
 | a             | 0.15    | 1    | 0.01 … 1.4                    | accuracy: zones have radius a·R                            |
 | rays          | 4096    | 1    | 16 … 65536                    | rays a record                                              |
-| sampler       | polar   |      | polar, plane                  | rays all over a hemisphere, or through one plane of 64²    |
+| sampler       | polar   |      | auto, polar, hemicube, plane  | rays all over a hemisphere, five faces of texels drawn by  |
+|               |         |      |                               | OpenGL, rays through one plane of 64²; auto: by a table    |
+| hemicube_shadows | auto |      | auto, cast, mapped            | of what hemicubes see: rays, or OpenGL's shadow maps       |
 | weight        | ward    |      | ward, shifted, tent           | weighting function                                         |
 | gradients     | true    |      |                               | extrapolate with gradients                                 |
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
 | r_max         | 2       | r    | 10⁻⁶ … 1000                   | largest R, in scene radii                                  |
 | footprint     | 1       | px   | 0 … 100                       | smallest reach a·R of a record, in pixels                  |
-| placement     | bounded |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
+| placement     | auto    |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
@@ -33,12 +35,14 @@ depend on the order of the records, and after the records every pixel is reached
 | sharp         | traced  |      | traced, truncated             | lobes beyond the order                                     |
 | lobe_rays     | 256     | 1    | 1 … 4096                      | rays a pixel of a traced lobe                              |
 | light_samples | 16      | 1    | 1 … 4096                      | samples of area lights and sky, per pixel of the direct layer |
+| backend       | auto    |      | auto, gl, cpu                 | where records that a view finds are splatted               |
 | subpixels     | 1       | 1    | 1 … 8                         | k: average k×k G-buffers, with common records              |
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -47,14 +51,16 @@ from pydantic import model_validator
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Settings, Transport, register, setting
+from renderers.methods.one_bounce import is_software
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.caching.incoming import Incoming
-    from renderers.transport.caching.layers import Passes
-    from renderers.transport.caching.placement import Placement
+    from renderers.transport.caching.layers import Passes, Splat
+    from renderers.transport.caching.placement import Compute, Placement
+    from renderers.transport.caching.records import Records
 
 SOURCE = "Gautron 2006 §4"
 PILOT_RAYS = 64
@@ -65,10 +71,15 @@ class RcsSettings(Settings):
 
     a: float = setting(0.15, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 2.8", ge=0.01, le=1.4)
     rays: int = setting(4096, "rays a record", source="Gautron 2006 §4.8", ge=16, le=65536)
-    sampler: Literal["polar", "plane"] = setting(
+    sampler: Literal["auto", "polar", "hemicube", "plane"] = setting(
         "polar",
-        "irradiance from rays all over a hemisphere, or through one plane of 64², its border stretched",
-        source="Gautron 2006 §4.2",
+        "rays all over a hemisphere, five faces of texels drawn by OpenGL, or (irradiance alone) rays through one plane of 64², its"
+        " border stretched; auto: by a table on the device string",
+        source="Gautron 2006 §4.2; Cohen & Greenberg 1985",
+    )
+    hemicube_shadows: Literal["auto", "cast", "mapped"] = setting(
+        "auto",
+        "light of what hemicubes see: by shadow rays, or (one bounce alone) by shadow maps; auto: by a table on the device string",
     )
     weight: Literal["ward", "shifted", "tent"] = setting(
         "ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004"
@@ -79,9 +90,9 @@ class RcsSettings(Settings):
     footprint: float = setting(
         1.0, "smallest reach of a record, in pixels", unit="px", source="Tabellion & Lamorlette 2004", ge=0, le=100
     )
-    placement: Literal["split-sphere", "bounded", "hessian"] = setting(
-        "bounded",
-        "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
+    placement: Literal["auto", "split-sphere", "bounded", "hessian"] = setting(
+        "auto",
+        "R from distances alone, limited by the gradient, or from the curvature of the irradiance; auto: hessian but for the plane",
         source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
     neighbours: bool = setting(False, "neighbour clamping of R", source="Křivánek et al. 2006")
@@ -103,12 +114,17 @@ class RcsSettings(Settings):
     sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
     lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
+    backend: Literal["auto", "gl", "cpu"] = setting(
+        "auto", "where a view's splat of earlier views' records runs; auto: by a table on the device string"
+    )
 
     @model_validator(mode="after")
     def _known_curvature(self) -> RcsSettings:
-        """Raises ValueError where the placement needs what the sampler doesn't know."""
+        """Raises ValueError where the sampler doesn't know what another setting needs."""
+        if self.hemicube_shadows == "mapped" and self.bounces == "all":
+            raise ValueError("hemicube_shadows=mapped knows direct light alone: bounces=all needs cast or auto")
         if self.sampler == "plane" and self.placement == "hessian":
-            raise ValueError("placement=hessian needs sampler=polar: the plane knows no curvature")
+            raise ValueError("placement=hessian needs sampler=polar or hemicube: the plane knows no curvature")
         return self
 
 
@@ -128,6 +144,15 @@ class RadianceCacheSplatting(Method):
     def transport(self, settings: Any) -> Transport:
         """One bounce, both visibilities, or all."""
         return "one-bounce" if settings.bounces == "one" else "full"
+
+    def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
+        """Fill in the sampler, where its hits are lit, the placement, and where records are splatted."""
+        shadows = shadows_of(settings.hemicube_shadows, settings.bounces, device)
+        changes = {"sampler": sampler_of(settings.sampler, device), "hemicube_shadows": shadows}
+        if settings.backend == "auto":
+            changes["backend"] = "cpu" if is_software(device) else "gl"
+        settings = settings.model_copy(update=changes)
+        return settings.model_copy(update={"placement": chosen_placement(settings)})
 
     def _render(self, scene: Scene, settings: Any, context: Context) -> Frame:
         world, watch, counters = scene.world(context.frame), context.watch, Counter[str]()
@@ -154,13 +179,25 @@ class RadianceCacheSplatting(Method):
         return Frame(images, watch.timings, dict(sorted(counters.items())), notes=passes.notes)
 
 
+def sampler_of(sampler: str, device: str) -> str:
+    """The table behind `sampler=auto`: software rasterisers, slower than rays where scenes are large → polar, others → hemicube."""
+    if sampler != "auto":
+        return sampler
+    return "polar" if is_software(device) else "hemicube"
+
+
+def shadows_of(shadows: str, bounces: str, device: str) -> str:
+    """The table behind `hemicube_shadows=auto`: software rasterisers and all bounces → cast, others → mapped."""
+    if shadows != "auto":
+        return shadows
+    return "cast" if is_software(device) or bounces == "all" else "mapped"
+
+
 def passes_of(world: World, settings: Any, context: Context, counters: Counter[str]) -> Passes:
     """The caches that the scene needs, empty: no radiance records without glossy materials."""
     from renderers.transport.caching.hemisphere import PolarSampler, grid_of
     from renderers.transport.caching.incoming import ReflectedDirectLight
     from renderers.transport.caching.layers import IrradianceCache, Passes, RadianceCache
-    from renderers.transport.caching.plane import PlaneSampler
-    from renderers.transport.caching.radiance import RadianceSampler
     from renderers.transport.caching.reflectance import gloss_of
 
     seed, height = context.seed, context.size[1]
@@ -168,23 +205,68 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
     if settings.bounces == "all":
         incoming = all_bounces(world, incoming, context, counters)
     pilot = PolarSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters=counters).distances
-    sampler = PolarSampler(world, grid_of(settings.rays), incoming, seed, counters=counters)
-    if settings.sampler == "plane":
-        sampler = PlaneSampler(world, incoming, seed, counters=counters)
-    diffuse = IrradianceCache(world, sampler, pilot, placement_of(world, height, settings, seed), settings.records)
+    sampler_of_order = samplers_of(world, incoming, settings, context, counters)
+    splat = gl_splat(world) if settings.backend == "gl" else None
+    diffuse = IrradianceCache(
+        world, sampler_of_order(None), pilot, placement_of(world, height, settings, seed), settings.records, splat
+    )
     gloss = gloss_of(world, settings.harmonics, settings.sharp == "truncated") if settings.glossy == "records" else None
     if gloss is None or not gloss.shiny:
-        return Passes(world, diffuse, None, gloss, settings.lobe_rays, incoming)
+        return Passes(world, diffuse, None, None, settings.lobe_rays, incoming)
     radiance = None
     if gloss.order:
         with context.watch("warm-up", "prepare"):
             from renderers.transport.caching.glossy import warm_up as prepare_turns
 
             prepare_turns(gloss.order)
-        radiance_sampler = RadianceSampler(world, grid_of(settings.glossy_rays), incoming, gloss.order, seed, counters=counters)
         how = placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
-        radiance = RadianceCache(world, gloss, radiance_sampler, pilot, how, settings.records)
+        radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records, splat)
     return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
+
+
+def samplers_of(
+    world: World, incoming: Incoming, settings: Any, context: Context, counters: Counter[str]
+) -> Callable[[int | None], Compute]:
+    """What computes irradiance records (None) and radiance records of an order. The plane is for irradiance alone.
+
+    Hemicubes with shadow maps are lit where they are drawn; of others the triangles alone are drawn.
+    """
+    from renderers.transport.caching.cube import size_of
+    from renderers.transport.caching.hemicube import HemicubeSampler, Rasteriser
+    from renderers.transport.caching.hemisphere import PolarSampler, grid_of
+    from renderers.transport.caching.plane import PlaneSampler
+    from renderers.transport.caching.radiance import RadianceSampler
+    from renderers.transport.raycast import OFFSET
+
+    seed = context.seed
+    rasteriser: Rasteriser | None = None
+    if settings.sampler == "hemicube":
+        from renderers.gl.hemicube import LitHemicubes, Triangles
+
+        with context.watch("shadow maps"):
+            rasteriser = LitHemicubes(world, OFFSET) if settings.hemicube_shadows == "mapped" else Triangles(world, OFFSET)
+
+    def sampler(order: int | None) -> Compute:
+        rays = settings.rays if order is None else settings.glossy_rays
+        if rasteriser is not None:
+            return HemicubeSampler(world, size_of(rays), incoming, seed, order, rasteriser, counters)
+        if order is not None:
+            return RadianceSampler(world, grid_of(rays), incoming, order, seed, counters=counters)
+        if settings.sampler == "plane":
+            return PlaneSampler(world, incoming, seed, counters=counters)
+        return PolarSampler(world, grid_of(rays), incoming, seed, counters=counters)
+
+    return sampler
+
+
+def gl_splat(world: World) -> Splat:
+    """The splat of `renderers.gl.caching`."""
+    from renderers.gl.caching import splat_records
+
+    def splat(gbuffer: GBuffer, records: Records, how: Placement) -> tuple[NDArray[np.float32], int]:
+        return splat_records(gbuffer, world, records.columns(np.float32), how.a, how.weight, how.gradients)
+
+    return splat
 
 
 def all_bounces(world: World, direct: Incoming, context: Context, counters: Counter[str]) -> Incoming:
@@ -205,16 +287,23 @@ def placement_of(world: World, height: int, settings: Any, seed: int) -> Placeme
     from renderers.transport.caching.limits import Footprint, Limits
     from renderers.transport.caching.placement import Placement
 
-    pixel = 2 * np.tan(world.camera.yfov / 2) / height
+    pixel, kind = 2 * np.tan(world.camera.yfov / 2) / height, chosen_placement(settings)
     limits = Limits(
         smallest=min(settings.r_min, settings.r_max),
         largest=settings.r_max,
-        gradient=settings.placement == "bounded",
+        gradient=kind == "bounded",
         neighbours=settings.neighbours,
         footprint=Footprint(world.camera.pose[:3, 3], settings.footprint * pixel / settings.a),
-        metric="hessian" if settings.placement == "hessian" else "split-sphere",
+        metric="hessian" if kind == "hessian" else "split-sphere",
     )
-    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed)
+    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=kind == "hessian")
+
+
+def chosen_placement(settings: Any) -> str:
+    """What `placement=auto` stands for: by curvature, wherever the sampler knows it."""
+    if settings.placement != "auto":
+        return str(settings.placement)
+    return "bounded" if settings.sampler == "plane" else "hessian"
 
 
 def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:

@@ -29,8 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.method import Claim, Context, register, setting
-from renderers.methods.ir import InstantRadiosity, timed
-from renderers.methods.one_bounce import OneBounce, OneBounceSettings
+from renderers.methods.ir import InstantRadiosity
+from renderers.methods.one_bounce import OneBounce, OneBounceSettings, make_gbuffer, timed
+from renderers.scene.model import Scene
 from renderers.scene.world import World
 
 if TYPE_CHECKING:
@@ -68,14 +69,13 @@ class ReflectiveShadowMaps(OneBounce):
 
     def warm_up(self, world: World, settings: Any) -> None:
         """A gather from a map of one texel for one pixel."""
-        from renderers.methods.ir import make_gbuffer
 
         views = views_of(world, 1, 8)[:1]
         if views:
             seen = map_of(world, views[0], settings.backend)
             gather(world, make_gbuffer(world, (1, 1), (0.5, 0.5), settings.backend), seen, settings, 1, Counter())
 
-    def prepare(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> Any:
+    def prepare(self, scene: Scene, world: World, settings: Any, context: Context, counters: Counter[str]) -> Any:
         """One map for each point-like light."""
         with timed(context.watch, "maps", "render", settings.backend == "gl"):
             maps = [map_of(world, v, settings.backend) for v in views_of(world, settings.map_lights, settings.map_resolution)]
@@ -84,11 +84,11 @@ class ReflectiveShadowMaps(OneBounce):
         return maps, context.seed
 
     def bounce(
-        self, world: World, gbuffer: GBuffer, direct: NDArray[np.float32], made: Any, settings: Any, counters: Counter[str]
+        self, world: World, gbuffer: GBuffer, lit: NDArray[np.float32], made: Any, settings: Any, seed: int, counters: Counter[str]
     ) -> NDArray[np.float32]:
         """The sum over all maps."""
         maps, seed = made
-        total = np.zeros(direct.shape)
+        total = np.zeros(lit.shape)
         for index, seen in enumerate(maps):
             total += gather(world, gbuffer, seen, settings, seed + (index << 32), counters)
         return total.astype(np.float32)

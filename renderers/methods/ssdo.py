@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.method import Claim, Context, Transport, register, setting
-from renderers.methods.ir import InstantRadiosity, direct_layer
-from renderers.methods.one_bounce import OneBounce, OneBounceSettings
+from renderers.methods.ir import InstantRadiosity
+from renderers.methods.one_bounce import OneBounce, OneBounceSettings, direct_layer, make_gbuffer
 from renderers.scene.model import Scene
 from renderers.scene.world import LAMBERT, World, rest_bounds
 
@@ -89,7 +89,6 @@ class ScreenSpaceOcclusion(OneBounce):
 
     def warm_up(self, world: World, settings: Any) -> None:
         """Both passes for one block of pixels."""
-        from renderers.methods.ir import make_gbuffer
         from renderers.transport.screen_space import Search, sample_pattern
 
         search = Search(sample_pattern(1, settings.block, 0), settings.radius, settings.bias)
@@ -97,7 +96,7 @@ class ScreenSpaceOcclusion(OneBounce):
         self.filtered(world, gbuffer, search, settings, None)
         self.filtered(world, gbuffer, search, settings, np.zeros((8, 8, 3), np.float32))
 
-    def prepare(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> Made:
+    def prepare(self, scene: Scene, world: World, settings: Any, context: Context, counters: Counter[str]) -> Made:
         """The pattern of samples; and a ray caster for the World without sky where a screen-space one takes its place."""
         from renderers.transport.raycast import caster_of
         from renderers.transport.screen_space import Search, sample_pattern
@@ -124,11 +123,11 @@ class ScreenSpaceOcclusion(OneBounce):
         return lit + self.filtered(world, gbuffer, made.search, settings, None)
 
     def bounce(
-        self, world: World, gbuffer: GBuffer, direct: NDArray[np.float32], made: Made, settings: Any, counters: Counter[str]
+        self, world: World, gbuffer: GBuffer, lit: NDArray[np.float32], made: Made, settings: Any, seed: int, counters: Counter[str]
     ) -> NDArray[np.float32]:
         """Reflected light of visible pixels, without what they emit: a lamp's light is direct light already."""
         counters["screen_samples"] += int(np.count_nonzero(gbuffer.covered)) * settings.samples
-        return self.filtered(world, gbuffer, made.search, settings, direct - gbuffer.emission)
+        return self.filtered(world, gbuffer, made.search, settings, lit - gbuffer.emission)
 
     def filtered(
         self, world: World, gbuffer: GBuffer, search: Search, settings: Any, senders: NDArray[np.float32] | None

@@ -28,13 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.method import register, setting
-from renderers.methods.lightcuts_solid_angle import TreeMethod, TreeSettings
+from renderers.methods.lightcuts_solid_angle import TreeMethod, TreeSettings, caster_for
 from renderers.scene.world import World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.light_tree import LightTree
-    from renderers.transport.raycast import RayCaster
 
 
 class StochasticSettings(TreeSettings):
@@ -54,20 +53,16 @@ class StochasticLightcuts(TreeMethod):
     source = "Yuksel 2019; Walter et al. 2005"
     Settings = StochasticSettings
 
-    def _walk(
-        self,
-        world: World,
-        gbuffer: GBuffer,
-        tree: LightTree,
-        settings: Any,
-        seed: int,
+    def bounce(
+        self, world: World, gbuffer: GBuffer, lit: NDArray[np.float32], made: LightTree, settings: Any, seed: int,
         counters: Counter[str],
-        caster: RayCaster | None,
-    ) -> NDArray[np.float32]:
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """One sampled light of each node of each pixel's cut."""
         from renderers.transport.tree_gather import gather_stochastic
 
         eps_b = settings.eps_b * world.scale**2
-        return gather_stochastic(gbuffer, world, tree, settings.cut_size, settings.tolerance, seed, eps_b, counters, caster)
+        caster = caster_for(world, settings)
+        return gather_stochastic(gbuffer, world, made, settings.cut_size, settings.tolerance, seed, eps_b, counters, caster)
 
 
 register(StochasticLightcuts)

@@ -1,31 +1,29 @@
 """Ray casting through Embree: closest hits and shadow segments in a World.
 
 Rays that start or end on a surface are moved off it along the geometric normal, to the side they leave to, by `OFFSET` times the
-size of the world (1): the same rule, and nearly the same length, as Mitsuba's. embreex answers in one thread but releases the GIL,
-so chunks of rays run in a thread pool (measured: two threads cast twice as many rays per second as one). A ray's answer depends on
-that ray alone, hence not on the number of threads.
+size of the world (1): the same rule, and nearly the same length, as Mitsuba's. Chunks of rays run in a thread pool: Embree answers
+without the GIL. A ray's answer depends on that ray alone, hence neither on the number of threads nor on its neighbours.
 """
 
 from __future__ import annotations
 
 from copy import copy
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import ArrayLike, NDArray
 
 from renderers.scene.placed import Still
 from renderers.scene.world import World, shared_with_other_frames
+from renderers.transport.embree import Grid, tree_of
 from renderers.transport.threads import chunks, in_threads
 
+F32 = NDArray[np.float32]
 OFFSET = 1e-4
 CHUNK = 1 << 16
 CACHED_WORLDS = 4
 FAR = np.float32(1e30)
-HIT = ("tfar", "u", "v")
 K = TypeVar("K")
 V = TypeVar("V")
 
@@ -41,23 +39,37 @@ class Hits(NamedTuple):
     u: NDArray[np.float32]
     v: NDArray[np.float32]
 
+    @staticmethod
+    def none(count: int) -> Hits:
+        """Misses."""
+        return Hits(np.full(count, -1, np.int32), *(np.zeros(count, np.float32) for _ in range(3)))
+
+    def part(self, rows: slice) -> Hits:
+        """A view of some of them."""
+        return Hits._make(column[rows] for column in self)
+
 
 class _Tree:
     """Embree's tree over some of a World's triangles; index int32 (T,): their numbers, None for all."""
 
     def __init__(self, world: World, index: NDArray[np.int32] | None = None) -> None:
         self.index = index
-        self._scene = EmbreeScene(robust=True)
         vertices, triangles = world.positions, world.triangles
         if index is not None:
             vertices, triangles = _compact(vertices, triangles[index])
-        vertices, triangles = np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(triangles, np.int32)
-        self._mesh = TriangleMesh(self._scene, vertices, triangles)
-        # Embree builds the tree when the first ray comes; it belongs to the preparation, not to the pass of that ray
-        self.run(*np.ones((2, 1, 3), np.float32), query="OCCLUDED")
+        self._tree = tree_of(np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(triangles, np.int32))
+        self.blocked = self._tree.blocked
 
-    def run(self, *rays: NDArray[np.float32], **options: Any) -> Any:
-        return self._scene.run(*rays, **options)
+    def nearest(self, origins: F32, directions: F32, grid: Grid | None, hits: Hits) -> None:
+        """Replace the hits that this tree's triangles are nearer than."""
+        if self.index is None:
+            self._tree.nearest(origins, directions, grid, hits)
+            return
+        own = Hits.none(len(origins))
+        self._tree.nearest(origins, directions, grid, own)
+        nearer = (own.triangle >= 0) & ((hits.triangle < 0) | (own.t < hits.t))
+        for target, found in zip(hits, own._replace(triangle=self.index[own.triangle]), strict=True):
+            target[nearer] = found[nearer]
 
 
 class RayCaster:
@@ -68,23 +80,30 @@ class RayCaster:
 
     def __init__(self, world: World, still: _Tree | None = None, moving: _Tree | None = None) -> None:
         self._trees = [tree for tree in (still, moving) if tree is not None] or [_Tree(world)]
+        self._moving = moving if still is not None else None
 
-    def first_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
-        """Closest hits along rays; origins, directions (N, 3), directions of any length. Callers move origins off surfaces."""
+    def first_hit(self, origins: ArrayLike, directions: ArrayLike, grid: Grid | None = None) -> Hits:
+        """Closest hits along rays; origins, directions (N, 3), directions of any length. Callers move origins off surfaces.
+
+        grid: (rows, columns), where the rays are grids whose neighbours start near each other and go nearly the same way: faster.
+        """
+        return self._closest(self._trees, origins, directions, grid)
+
+    def first_moving_hit(self, origins: ArrayLike, directions: ArrayLike, grid: Grid | None = None) -> Hits | None:
+        """`first_hit` of what moves at any time of the animation alone; None where that has no tree of its own."""
+        return None if self._moving is None else self._closest([self._moving], origins, directions, grid)
+
+    @staticmethod
+    def _closest(trees: list[_Tree], origins: ArrayLike, directions: ArrayLike, grid: Grid | None) -> Hits:
         o, d = _rays(origins, directions)
-        n = len(o)
-        hits = Hits(np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32), np.zeros(n, np.float32))
+        hits = Hits.none(len(o))
 
         def cast(part: slice) -> None:
-            for tree in self._trees:
-                found = tree.run(o[part], d[part], output=1)
-                number = found["primID"]
-                nearer = (number >= 0) & ((hits.triangle[part] < 0) | (found["tfar"] < hits.t[part]))
-                own = number[nearer] if tree.index is None else tree.index[number[nearer]]
-                for target, values in ((hits.triangle, own), *((t, found[k][nearer]) for t, k in zip(hits[1:], HIT, strict=True))):
-                    target[part][nearer] = values
+            for tree in trees:
+                tree.nearest(o[part], d[part], grid, hits.part(part))
 
-        in_threads(cast, chunks(n, CHUNK))
+        whole = 1 if grid is None else grid[0] * grid[1]
+        in_threads(cast, chunks(len(o), max(1, CHUNK // whole) * whole))
         return hits
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, distances: ArrayLike) -> NDArray[np.bool_]:
@@ -100,14 +119,11 @@ class RayCaster:
         in_threads(cast, chunks(n, CHUNK))
         return blocked
 
-    def occluded_unthreaded(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32], distances: NDArray[np.float32]
-    ) -> NDArray[np.bool_]:
+    def occluded_unthreaded(self, origins: F32, directions: F32, distances: F32) -> NDArray[np.bool_]:
         """`occluded` in the calling thread, for callers that run their own threads; C-contiguous float32 arrays."""
-        blocked = np.zeros(len(origins), bool)
-        if len(origins):
-            for tree in self._trees:
-                blocked |= np.asarray(tree.run(origins, directions, distances, query="OCCLUDED") == 0)
+        blocked = self._trees[0].blocked(origins, directions, distances)
+        for tree in self._trees[1:]:
+            blocked |= tree.blocked(origins, directions, distances)
         return blocked
 
 

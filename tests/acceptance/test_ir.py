@@ -10,7 +10,8 @@ import pytest
 
 import renderers
 from renderers.gbuffer import GBuffer
-from renderers.methods.ir import InstantRadiosity, IrSettings, backend_of
+from renderers.methods.ir import InstantRadiosity, IrSettings
+from renderers.methods.one_bounce import backend_of
 from renderers.scene.builder import SceneBuilder, look_rotation
 from renderers.scene.model import DirectionalLight, Lambert, Scene
 from renderers.transport.gather import gather

@@ -2,6 +2,7 @@
 
 import threading
 from collections import Counter
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,7 +16,7 @@ from renderers.transport.penumbra.assemble import Construction
 from renderers.transport.penumbra.build import CombinedShadows, LightShadows, Slope, build
 from renderers.transport.penumbra.emitters import Emitter, distributed, emitters_of, stratified
 from renderers.transport.penumbra.shading import cast_hidden
-from renderers.transport.penumbra.work import Maps, Tile, Work
+from renderers.transport.penumbra.work import Work
 
 HOW = Construction(bias=2.5e-4)
 
@@ -181,19 +182,19 @@ def test_a28_two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     light = emitters_of(world)[0]
     points = light.points(16, 0)
     alone, both = Counter[str](), Counter[str]()
-    threads, finish = numba.get_num_threads(), Work._finished
+    threads, finish = numba.get_num_threads(), Work._walk_and_reduce
     meeting, seats = threading.Barrier(2, timeout=60), iter(range(2))
 
-    def together(self: Work, maps: Maps, rows: range) -> list[Tile]:
+    def together(self: Work, *tile: Any) -> None:
         if next(seats, None) is not None:
             meeting.wait()
-        return finish(self, maps, rows)
+        finish(self, *tile)
 
     try:
         numba.set_num_threads(1)
         first = made(world, points, counters=alone)
         numba.set_num_threads(2)
-        monkeypatch.setattr(Work, "_finished", together)
+        monkeypatch.setattr(Work, "_walk_and_reduce", together)
         second = made(world, points, counters=both)
     finally:
         numba.set_num_threads(threads)

@@ -262,6 +262,10 @@ def same(a: Points, b: Points) -> None:
 @pytest.mark.parametrize("expected", [50, 3000, 300_000])
 @pytest.mark.parametrize("rules", [{}, {"rule": "printed"}, {"carry": False}, {"patches": 3}])
 def test_gl_and_cpu_draw_the_same_points(expected: int, rules: dict[str, object]) -> None:
+    from renderers.gl.device import device_string
+
+    if "patches" in rules and "llvmpipe" not in device_string():
+        pytest.skip("who gets too little room is a race on a GPU; software renderers take triangles in their order")
     world = mixed()
     eta = float(world.areas.sum()) / expected
     on_gl = {name: value for name, value in rules.items() if name != "rule"} | {"even": rules.get("rule") != "printed"}

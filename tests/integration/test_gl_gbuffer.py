@@ -118,9 +118,11 @@ print(hashlib.sha256(b"".join(p.tobytes() for p in parts)).hexdigest())
 
 
 def test_same_bytes_in_any_process_at_any_thread_count():
+    path = os.pathsep.join([os.getcwd(), *filter(None, [os.environ.get("PYTHONPATH")])])
+
     def digest(threads: str) -> str:
         return subprocess.run(
-            [sys.executable, "-c", CHILD], env=os.environ | {"LP_NUM_THREADS": threads, "PYTHONPATH": os.getcwd()},
+            [sys.executable, "-c", CHILD], env=os.environ | {"LP_NUM_THREADS": threads, "PYTHONPATH": path},
             capture_output=True, text=True, check=True, timeout=120,
         ).stdout.strip()  # fmt: skip
 

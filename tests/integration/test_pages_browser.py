@@ -15,6 +15,7 @@ from report_evaluation import make
 from test_http_uploads import GOOD
 
 import reports
+from jobs.request import ReferenceFrames
 from service.http.app import create_app
 from service.http.settings import ServerSettings
 from service.tokens import TokenStore
@@ -134,6 +135,32 @@ def test_a_request_can_be_changed_and_submitted_again(page: Any, queue: FakeQueu
     page.click("button.primary")
     page.wait_for_url("**/evaluations/*")
     assert len(queue.found) == 2
+
+
+def test_a_sequence_says_which_frames_get_references(page: Any, queue: FakeQueue) -> None:
+    page.goto("/submit")
+    page.check("[name=method][value=flat]")
+    page.fill("#last", "39")
+    page.fill("#references", "10, 0:5, 5,")
+    page.click("button.primary")
+    assert page.evaluate("document.getElementById('references').validity.patternMismatch")
+    assert not queue.found
+    for text, expected in (
+        ("10, 0:5,20:25", ReferenceFrames(every=10, windows=[(0, 5), (20, 25)])),
+        ("all", ReferenceFrames(every=1)),
+    ):
+        page.fill("#references", text)
+        page.click("button.primary")
+        page.wait_for_url("**/evaluations/*")
+        assert list(queue.found.values())[-1].request.references == expected
+        page.click("text=Change and submit")
+        page.wait_for_url("**/submit#*")
+        assert page.input_value("#references") == {"all": "1"}.get(text, "10, 0:5, 20:25")
+    page.fill("#references", "")
+    page.fill("#last", "38")
+    page.click("button.primary")
+    page.wait_for_url("**/evaluations/*")
+    assert list(queue.found.values())[-1].request.references is None
 
 
 def test_cancel_and_retry_buttons(page: Any, queue: FakeQueue) -> None:

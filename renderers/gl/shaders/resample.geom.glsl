@@ -43,7 +43,9 @@ void main() {
     precise vec3 twice = vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
     precise float square = twice.x * twice.x + twice.y * twice.y + twice.z * twice.z;
     precise float ratio = 0.5 * sqrt(square) * inverse_area;
-    if (!(ratio > 0.0) || isinf(ratio)) return;
+    // Positive and finite, asked of the bits: GLSL lets a compiler treat comparisons with a NaN as it likes.
+    uint bits = floatBitsToUint(ratio);
+    if (bits == 0u || bits >= 0x7F800000u) return;
     uint own = keep_number[0] ^ keep_number[1] ^ keep_number[2];
     bool large = ratio > 1.0;
     if (!large && !kept(own ^ shift.x, ratio)) return;

@@ -10,6 +10,7 @@ from renderers.scene.builtin.cornell import cornell_box, cornell_glossy
 from renderers.scene.builtin.empty_room import empty_room
 from renderers.scene.builtin.enclosures import furnace, sphere_in_sphere
 from renderers.scene.builtin.gears import gears
+from renderers.scene.builtin.interior import interior
 from renderers.scene.builtin.kite import kite
 from renderers.scene.builtin.leaks import thin_wall
 from renderers.scene.builtin.leaves import leaves
@@ -27,6 +28,7 @@ BUILTIN: dict[str, Callable[..., Scene]] = {
     "empty-room": empty_room,
     "furnace": furnace,
     "gears": gears,
+    "interior": interior,
     "kite": kite,
     "leaves": leaves,
     "moving-light": moving_light,

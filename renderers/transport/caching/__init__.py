@@ -6,11 +6,13 @@
 | `incoming` | reflected direct light of whatever the rays of a hemisphere hit |
 | `hemisphere` | polar hemispheres cast in large batches, and records made of them |
 | `plane` | hemispheres through one plane, as rasterised, with border compensation |
+| `cube`, `hemicube` | hemispheres through five faces of texels, cast or drawn by a rasteriser |
 | `gradients` | irradiance, its rotation and translation gradients, harmonic mean distance of polar hemispheres |
 | `limits` | clamps of the radius, gradient limit, neighbour clamping |
 | `weights` | weight and zone of influence |
 | `splat`, `splat_kernels` | records added to the pixels inside their zones |
 | `placement` | where records are put: in batches, or one by one |
+| `sight` | zones that end where their records don't see |
 | `radiance` | radiance records: hemispherical harmonics of incoming radiance, with gradients |
 | `reflectance` | BRDFs of glossy materials as coefficients; what is too sharp for them |
 | `glossy`, `glossy_kernels` | radiance records added to the pixels inside their zones |

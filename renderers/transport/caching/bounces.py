@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from renderers.scene.world import LAMBERT, World
 from renderers.transport.brdf import materials_at, mean_albedo
 from renderers.transport.caching.hemisphere import PolarSampler, grid_of
-from renderers.transport.caching.incoming import Incoming, Seen
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.records import Sites
+from renderers.transport.seen import Seen
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]

@@ -33,6 +33,9 @@ from renderers.images import LUMA
 F64 = NDArray[np.float64]
 
 
+LOW, HIGH = 0.5, 0.97  # sin² of the polar angles, 45° and 80°, between which what is hit counts for the clearance
+
+
 class PolarTables(NamedTuple):
     """Constants of an M × N grid. along, across, turn, bend (M,): see `polar_tables`. centre, edge (N, 2): cos, sin of azimuths."""
 
@@ -65,13 +68,15 @@ def polar_tables(rings: int, sectors: int) -> PolarTables:
 
 class Moments(NamedTuple):
     """Of K hemispheres, in their frames: irradiance (K, 3), translation and rotation (K, 3, 2) [channel, tangent], radius (K,);
-    hessian (K, 3): elements xx, xy, yy of the Hessian of the luminance of the irradiance."""
+    hessian (K, 3): elements xx, xy, yy of the Hessian of the luminance of the irradiance; clearance (K,), where known: how far
+    away along the surface something stands or hangs low, ∞ where nothing does."""
 
     irradiance: F64
     translation: F64
     rotation: F64
     radius: F64
     hessian: F64
+    clearance: F64 | None = None
 
     @property
     def curvature(self) -> F64:
@@ -88,8 +93,20 @@ def polar_moments(radiance: NDArray[np.floating], nearness: NDArray[np.floating]
     out = Moments(
         np.zeros((count, 3)), np.zeros((count, 3, 2)), np.zeros((count, 3, 2)), np.full(count, np.inf), np.zeros((count, 3))
     )
-    _polar(radiance, nearness, *polar_tables(rings, sectors), *out)
-    return out
+    _polar(radiance, nearness, *polar_tables(rings, sectors), *out[:5])
+    return out._replace(clearance=polar_clearance(nearness))
+
+
+def polar_clearance(nearness: NDArray[np.floating]) -> F64:
+    """Smallest distance r sin θ, along the tangent plane, of what is seen 10° to 45° above it, (K,), from nearness (K, M, N).
+
+    A wall that stands on the surface is seen there at its distance from the foot. Lower rays would hit a hollow surface itself, at
+    any distance: from 10° up it is met where its normal has turned by 20° or more.
+    """
+    square = (np.arange(nearness.shape[1]) + 0.5) / nearness.shape[1]
+    low = (square >= LOW) & (square <= HIGH)
+    nearest = (nearness[:, low].max(axis=2) / np.sqrt(square[low])).max(axis=1, initial=0).astype(np.float64)
+    return np.where(nearest > 0, 1 / np.where(nearest > 0, nearest, 1), np.inf)
 
 
 @numba.njit(nogil=True, cache=True)

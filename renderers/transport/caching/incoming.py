@@ -17,24 +17,11 @@ from numpy.typing import NDArray
 from renderers.scene.world import LAMBERT, World, WorldLight
 from renderers.transport.incident import Incident, Lights
 from renderers.transport.kernels import shade
-from renderers.transport.raycast import FAR, OFFSET, Hits, RayCaster, caster_of
-from renderers.transport.surface import base_color
+from renderers.transport.raycast import FAR, OFFSET, RayCaster, caster_of
+from renderers.transport.seen import Seen
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-
-
-class Seen(NamedTuple):
-    """Hits of rays. ray int64 (S,): which ray; position (S, 3); normal (S, 3) shading, turned to where the ray came from;
-    geometric (S, 3); towards (S, 3): unit, back along the ray: float64. material int32 (S,); base float64 (S, 3)."""
-
-    ray: NDArray[np.int64]
-    position: F64
-    normal: F64
-    geometric: F64
-    towards: F64
-    material: NDArray[np.int32]
-    base: F64
 
 
 class Incoming(Protocol):
@@ -42,19 +29,6 @@ class Incoming(Protocol):
 
     def __call__(self, seen: Seen, random: F64) -> tuple[F32, int]:
         """Radiance float32 (S, 3) and the number of rays cast for it; random (S, 6) in [0, 1)."""
-
-
-def seen_along(world: World, directions: F32, hits: Hits) -> Seen:
-    """The surfaces that rays with unit directions (N, 3) hit."""
-    ray = np.flatnonzero(hits.triangle >= 0)
-    triangle = hits.triangle[ray]
-    position, normal, geometric, towards = (np.empty((len(ray), 3)) for _ in range(4))
-    uv, material = np.empty((len(ray), 2)), world.material[triangle]
-    seen = Seen(ray, position, normal, geometric, towards, material, world.materials.base[material].astype(np.float64))
-    _surfaces(seen, uv, hits, directions, (world.positions, world.normals, world.uvs, world.triangles, world.face_normals))
-    if (world.materials.texture >= 0).any():
-        seen = seen._replace(base=base_color(world, material, uv))
-    return seen
 
 
 class ReflectedDirectLight:
@@ -74,19 +48,18 @@ class ReflectedDirectLight:
         radiance = np.zeros((count, 3), np.float32)
         value, origin, aim = (np.empty((count, 3), np.float32) for _ in range(3))
         index, reach = np.empty(count, np.int64), np.empty(count, np.float32)
-        for sample in self._samples(seen, random):
-            n = _lit(seen, self._materials, sample, OFFSET, FAR, (index, value, origin, aim, reach))
+        for light, sample in self._samples(seen, random):
+            n = _lit(seen, self._materials, light, sample, OFFSET, FAR, (index, value, origin, aim, reach))
             blocked = self._caster.occluded_unthreaded(origin[:n], aim[:n], reach[:n])
             _add_visible(index[:n], value[:n], blocked, radiance)
             rays += n
         return radiance, rays
 
-    def _samples(self, seen: Seen, random: F64) -> Iterator[Incident]:
+    def _samples(self, seen: Seen, random: F64) -> Iterator[tuple[Punctual, Incident]]:
         for light in self._punctual:
-            sample = Incident(np.empty_like(seen.position), np.empty_like(seen.position), np.empty(len(seen.ray)))
-            _from_punctual(light, seen.position, sample)
-            yield sample
-        yield from self._lights.distributed(seen.position, seen.normal, random)
+            yield light, NO_SAMPLE
+        for sample in self._lights.distributed(seen.position, seen.normal, random):
+            yield NO_LIGHT, sample
 
 
 class Punctual(NamedTuple):
@@ -101,64 +74,14 @@ class Punctual(NamedTuple):
     cos_outer: float
 
 
+NO_LIGHT = Punctual(False, False, np.zeros(3), np.zeros(3), np.zeros(3), 1.0, 0.0)
+NO_SAMPLE = Incident(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+
+
 def _described(light: WorldLight) -> Punctual:
     position, direction, intensity = (np.asarray(a, np.float64) for a in (light.position, light.direction, light.intensity))
     cosines = float(light.cos_inner), float(light.cos_outer)
     return Punctual(light.kind == "directional", light.kind == "spot", position, direction, intensity, *cosines)
-
-
-@numba.njit(nogil=True, cache=True)
-def _surfaces(seen, uv, hits, direction, geometry):  # type: ignore[no-untyped-def]
-    """Fill the arrays of `seen` whose rays are known, and uv (S, 2)."""
-    positions, normals, uvs, triangles, face_normals = geometry
-    for s in range(len(seen.ray)):
-        r = seen.ray[s]
-        t, second, third = hits.triangle[r], float(hits.u[r]), float(hits.v[r])
-        first = 1 - second - third
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        length, facing = 0.0, 0.0
-        for x in range(3):
-            seen.position[s, x] = first * positions[a, x] + second * positions[b, x] + third * positions[c, x]
-            mixed = first * normals[a, x] + second * normals[b, x] + third * normals[c, x]
-            seen.normal[s, x] = mixed
-            length += mixed * mixed
-            seen.geometric[s, x] = face_normals[t, x]
-            seen.towards[s, x] = -float(direction[r, x])
-        flat = length < 1e-12  # opposite vertex normals cancel: flat shading there
-        for x in range(3):
-            seen.normal[s, x] = face_normals[t, x] if flat else seen.normal[s, x] / np.sqrt(length)
-            facing += seen.normal[s, x] * seen.towards[s, x]
-        if facing < 0:
-            for x in range(3):
-                seen.normal[s, x] = -seen.normal[s, x]
-        for x in range(2):
-            uv[s, x] = first * uvs[a, x] + second * uvs[b, x] + third * uvs[c, x]
-
-
-@numba.njit(nogil=True, cache=True)
-def _from_punctual(light, position, out):  # type: ignore[no-untyped-def]
-    """`incident.punctual` for points (S, 3): fills an `Incident`."""
-    width = max(light.cos_inner - light.cos_outer, 1e-6)
-    for s in range(len(position)):
-        square, scale = 0.0, 1.0
-        for c in range(3):
-            out.direction[s, c] = -light.direction[c] if light.directional else light.position[c] - position[s, c]
-            square += out.direction[s, c] ** 2
-        distance = max(np.sqrt(square), 1e-12)
-        if light.directional:
-            out.distance[s] = np.inf
-        else:
-            out.distance[s] = distance
-            scale = 1 / distance**2
-            for c in range(3):
-                out.direction[s, c] /= distance
-        if light.spot:
-            cosine = 0.0
-            for c in range(3):
-                cosine -= out.direction[s, c] * light.direction[c]
-            scale *= min(max((cosine - light.cos_outer) / width, 0.0), 1.0) ** 2
-        for c in range(3):
-            out.weight[s, c] = light.intensity[c] * scale
 
 
 @numba.njit(inline="always")
@@ -166,40 +89,64 @@ def _tuple(array, s):  # type: ignore[no-untyped-def]
     return array[s, 0], array[s, 1], array[s, 2]
 
 
+@numba.njit(inline="always")
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 @numba.njit(nogil=True, cache=True)
-def _lit(seen, materials, light, offset, far, out):  # type: ignore[no-untyped-def]
-    """Hits that a light sample (`Incident`) reaches from the front; returns how many.
+def _lit(seen, materials, light, sample, offset, far, out):  # type: ignore[no-untyped-def]
+    """Hits that light reaches from the front; returns how many. The light is a `Punctual`, or an `Incident` that isn't empty.
 
     out: index (S,), reflected radiance if unblocked (S, 3), and their shadow rays: origin, aim (S, 3), reach (S,).
     """
+    position, normal, geometric, towards, base, material = (
+        seen.position, seen.normal, seen.geometric, seen.towards, seen.base, seen.material
+    )  # fmt: skip
     index, value, origin, aim, reach = out
     kind, specular, exponent, metallic, alpha = materials
+    width = max(light.cos_inner - light.cos_outer, 1e-6)
+    sampled = len(sample.distance) > 0
     count = 0
-    weight, reflected = np.empty(3), np.empty(3)
-    for s in range(len(seen.ray)):
-        n, to_light = _tuple(seen.normal, s), _tuple(light.direction, s)
-        cosine = n[0] * to_light[0] + n[1] * to_light[1] + n[2] * to_light[2]
-        if cosine <= 0 or max(light.weight[s, 0], light.weight[s, 1], light.weight[s, 2]) <= 0:
+    brought, reflected = np.empty(3), np.empty(3)
+    for s in range(len(material)):
+        distance, scale = np.inf, 1.0
+        if sampled:
+            x, y, z = _tuple(sample.direction, s)
+            distance = sample.distance[s]
+        elif light.directional:
+            x, y, z = -light.direction[0], -light.direction[1], -light.direction[2]
+        else:
+            x, y, z = light.position[0] - position[s, 0], light.position[1] - position[s, 1], light.position[2] - position[s, 2]
+        cosine = _dot(_tuple(normal, s), (x, y, z))
+        if cosine <= 0:
             continue
-        m = seen.material[s]
+        if not (sampled or light.directional):
+            distance = max(np.sqrt(x * x + y * y + z * z), 1e-12)
+            near = 1 / distance
+            x, y, z, cosine, scale = x * near, y * near, z * near, cosine * near, near * near
+            if light.spot:
+                aside = -(light.direction[0] * x + light.direction[1] * y + light.direction[2] * z)
+                scale *= min(max((aside - light.cos_outer) / width, 0.0), 1.0) ** 2
+        m = material[s]
         for c in range(3):
-            weight[c] = light.weight[s, c] * cosine
-            reflected[c] = seen.base[s, c] / np.pi * weight[c] if kind[m] == LAMBERT else 0.0
-        if kind[m] != LAMBERT:
+            brought[c] = (sample.weight[s, c] if sampled else light.intensity[c] * scale) * cosine
+            reflected[c] = base[s, c] / np.pi * brought[c] if kind[m] == LAMBERT else 0.0
+        if kind[m] != LAMBERT and max(brought[0], brought[1], brought[2]) > 0:
             shade(
-                kind[m], seen.base[s], specular[m], exponent[m], metallic[m], alpha[m],
-                n, _tuple(seen.towards, s), to_light, weight, reflected,
+                kind[m], base[s], specular[m], exponent[m], metallic[m], alpha[m],
+                _tuple(normal, s), _tuple(towards, s), (x, y, z), brought, reflected,
             )  # fmt: skip
         if max(reflected[0], reflected[1], reflected[2]) <= 0:
             continue
-        g = _tuple(seen.geometric, s)
-        outside = g[0] * to_light[0] + g[1] * to_light[1] + g[2] * to_light[2] >= 0
-        distant = np.isinf(light.distance[s])
-        for x in range(3):
-            value[count, x] = reflected[x]
-            start = seen.position[s, x] + (offset if outside else -offset) * g[x]
-            origin[count, x] = start
-            aim[count, x] = to_light[x] if distant else seen.position[s, x] + to_light[x] * light.distance[s] - start
+        side = offset if _dot(_tuple(geometric, s), (x, y, z)) >= 0 else -offset
+        distant = np.isinf(distance)
+        length = 1.0 if distant else distance
+        for i, to_light in enumerate((x, y, z)):
+            value[count, i] = reflected[i]
+            moved = side * geometric[s, i]
+            origin[count, i] = position[s, i] + moved
+            aim[count, i] = to_light * length - (0.0 if distant else moved)
         reach[count] = far if distant else 1 - offset
         index[count] = s
         count += 1

@@ -20,20 +20,30 @@ from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.placement import Compute, Placement, fill
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.reflectance import Gloss, Lobes, stand_in_albedo
+from renderers.transport.caching.sight import in_sight
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.caching.traced import traced_lobes
 from renderers.transport.direct import receivers_of
+from renderers.transport.raycast import caster_of
 
 F64 = NDArray[np.float64]
 Distances = Callable[[Sites], F64]
+# Σ w E' and Σ w of records, float32 (H, W, 4), and the pairs tested
+Splat = Callable[[GBuffer, Records, Placement], tuple[NDArray[np.float32], int]]
 
 
 class IrradianceCache:
-    """Irradiance records of a World. most: at most so many; None: no limit."""
+    """Irradiance records of a World. most: at most so many; None: no limit.
 
-    def __init__(self, world: World, compute: Compute, distances: Distances, placement: Placement, most: int | None = None) -> None:
+    splat: how records that a view finds are splatted; None: by its canvas.
+    """
+
+    def __init__(
+        self, world: World, compute: Compute, distances: Distances, placement: Placement, most: int | None = None,
+        splat: Splat | None = None,
+    ) -> None:  # fmt: skip
         self.world, self.placement, self.records = world, placement, Records.empty()
-        self._compute, self._distances, self._most = compute, distances, most
+        self._compute, self._distances, self._most, self._splat = compute, distances, most, splat
 
     def light(self, gbuffer: GBuffer, albedo: F64, watch: Stopwatch, counters: Counter[str]) -> F64:
         """Reflected radiance (H·W, 3) where albedo (H, W, 3) isn't black, 0 elsewhere. counters: `splats`, `pixels_missed`."""
@@ -45,12 +55,20 @@ class IrradianceCache:
     def filled(self, gbuffer: GBuffer, wanted: NDArray[np.bool_], watch: Stopwatch, counters: Counter[str]) -> Canvas:
         """A canvas over the wanted pixels (H, W), with all records on it, old ones and those that it needed."""
         canvas, how = Canvas.of(gbuffer, wanted), self.placement
+        blocked = caster_of(self.world).occluded
         with watch("splat"):
-            canvas.add(self.records, how.a, how.weight, how.gradients, counters)
+            if how.sees:
+                self.records = in_sight(self.records, canvas, how.a, how.weight, blocked)
+            if self._splat is None:
+                canvas.add(self.records, how.a, how.weight, how.gradients, counters)
+            elif len(self.records):
+                sums, pairs = self._splat(gbuffer, self.records, how)
+                canvas.sums += sums.reshape(-1, 4)[canvas.rows]
+                counters["splat_tests"] += pairs
         with watch("records"):
             sites = Sites(*receivers_of(self.world, gbuffer, canvas.rows))
             most = None if self._most is None else self._most - len(self.records)
-            self.records = fill(canvas, sites, self._compute, self._distances, how, self.records, most)
+            self.records = fill(canvas, sites, self._compute, self._distances, how, self.records, most, blocked)
         counters["pixels_missed"] += int(np.count_nonzero(canvas.missed))
         return canvas
 
@@ -59,9 +77,10 @@ class RadianceCache(IrradianceCache):
     """Radiance records of a World's glossy surfaces, of the order of `gloss`."""
 
     def __init__(
-        self, world: World, gloss: Gloss, compute: Compute, distances: Distances, placement: Placement, most: int | None = None
-    ) -> None:
-        super().__init__(world, compute, distances, placement, most)
+        self, world: World, gloss: Gloss, compute: Compute, distances: Distances, placement: Placement, most: int | None = None,
+        splat: Splat | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(world, compute, distances, placement, most, splat)
         self.gloss = gloss
 
     def glossy_light(self, gbuffer: GBuffer, watch: Stopwatch, counters: Counter[str]) -> F64:

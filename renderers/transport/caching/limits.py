@@ -92,11 +92,15 @@ def limited(records: Records, limits: Limits, others: Records | None = None) -> 
 
 
 def hessian_radius(records: Records) -> NDArray[np.floating[Any]]:
-    """R of the Hessian's error bound, (K,): ∞ where irradiance is not curved. Raises ValueError where records don't know."""
+    """R of the Hessian's error bound, (K,): ∞ where irradiance is not curved, the harmonic mean distance where there is none.
+
+    Raises ValueError where records don't know their curvature.
+    """
     if records.curvature is None:
         raise ValueError("these records carry no curvature")
     curved = records.curvature > 0
-    return np.asarray(np.where(curved, (4 / (np.pi * np.where(curved, records.curvature, 1))) ** 0.25, np.inf))
+    flat = np.where(records.irradiance.any(axis=1), np.inf, records.radius)  # the dark says nothing about what is around
+    return np.asarray(np.where(curved, (4 / (np.pi * np.where(curved, records.curvature, 1))) ** 0.25, flat))
 
 
 def gradient_limit(records: Records) -> NDArray[np.floating[Any]]:

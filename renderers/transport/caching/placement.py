@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from renderers.transport.caching.limits import Limits, limited
 from renderers.transport.caching.records import Records, Sites
+from renderers.transport.caching.sight import Blocked, in_sight
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.caching.weights import Weight
 from renderers.transport.sampling import generator
@@ -37,7 +38,8 @@ class Compute(Protocol):
 
 @dataclass(frozen=True)
 class Placement:
-    """How records are placed and used: accuracy a, weight, use of gradients, limits, order, seed of the random order."""
+    """How records are placed and used: accuracy a, weight, use of gradients, limits, order, seed of the random order; sees: zones
+    end at what is hidden from their records (`sight`)."""
 
     a: float = 0.15
     weight: Weight = "ward"
@@ -45,6 +47,7 @@ class Placement:
     limits: Limits = field(default_factory=Limits)
     order: Order = "batched"
     seed: int = 0
+    sees: bool = False
 
 
 def fill(
@@ -55,11 +58,13 @@ def fill(
     placement: Placement,
     records: Records | None = None,
     most: int | None = None,
+    blocked: Blocked | None = None,
 ) -> Records:
     """Old and new records, in order, after adding the new ones to a canvas (which must hold the old ones already).
 
     sites: of the canvas's pixels. distances: a quick estimate of the harmonic mean distance (`PolarSampler.distances`). most: at
-    most so many new records; some pixels may then stay without.
+    most so many new records; some pixels may then stay without. blocked: what is hidden from new records
+    (`RayCaster.occluded`), for placements that see.
     """
     records = Records.empty() if records is None else records
     left, rounds = UNLIMITED if most is None else most, 0
@@ -68,6 +73,8 @@ def fill(
         left, rounds = left - len(chosen), rounds + 1
         if len(chosen):
             new = limited(compute(sites.rows(chosen), len(records)), placement.limits, records)
+            if placement.sees and blocked is not None:
+                new = in_sight(new, canvas, placement.a, placement.weight, blocked)
             canvas.add(new, placement.a, placement.weight, placement.gradients)
             records = Records.joined([records, new])
         elif not canvas.missed.any():

@@ -44,7 +44,7 @@ class Records:
     irradiance (K, 3), one value a channel. translation, rotation (K, 3, 3): its gradients [channel, component] in world axes,
     absolute, per World unit and per radian; the argument of the latter is n_k × n. coefficients (K, n², 3): incoming radiance in
     hemispherical harmonics of the frame `sampling.frame(normal)`, where records carry it, and coefficient_gradients (K, 2, n², 3)
-    its derivatives along the two tangents. curvature (K,): see `gradients.Moments`, where the sampler knows it.
+    its derivatives along the two tangents. curvature, clearance (K,): see `gradients.Moments`, where the sampler knows them.
     """
 
     position: Float
@@ -56,6 +56,7 @@ class Records:
     coefficients: Float | None = None
     coefficient_gradients: Float | None = None
     curvature: Float | None = None
+    clearance: Float | None = None
 
     def __len__(self) -> int:
         return len(self.position)

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from renderers.gbuffer import GBuffer
 from renderers.scene.world import GGX_KIND, PHONG, World
 from renderers.transport.brdf import Materials, evaluate, ggx_colors, materials_at
-from renderers.transport.caching.incoming import Incoming, seen_along
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.direct import Receivers, receivers_of
 from renderers.transport.lobes import sample_brdf, sampling_pdf
 from renderers.transport.raycast import caster_of, off_surface
 from renderers.transport.sampling import generator, lattice
+from renderers.transport.seen import seen_along
 from renderers.transport.threads import chunks, in_threads
 
 F64 = NDArray[np.float64]

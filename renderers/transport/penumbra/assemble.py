@@ -8,6 +8,7 @@ threads nor the order of light points.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,10 +21,11 @@ from renderers.transport.penumbra.cameras import DU, DV
 from renderers.transport.penumbra.compress import NONE, PERPENDICULAR, VERTICAL
 from renderers.transport.penumbra.functions import PenumbraMap
 from renderers.transport.penumbra.lockstep import Grid
-from renderers.transport.penumbra.plan import VERTEX, plan_of
+from renderers.transport.penumbra.plan import plan_of
 from renderers.transport.penumbra.pyramid import Pyramid
 from renderers.transport.penumbra.reduce import compress_row
-from renderers.transport.penumbra.work import Functions, Work
+from renderers.transport.penumbra.room import VERTEX, Functions
+from renderers.transport.penumbra.work import Work
 from renderers.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
@@ -33,16 +35,31 @@ METRICS = {"none": NONE, "vertical": VERTICAL, "perpendicular": PERPENDICULAR}
 # texels to each side of its centre that a stored depth stands for
 HALF_TEXELS = {"exact": 0.5, "midpoint": 1.5}
 # vertices a pixel that finished functions are taken to have when the bound is divided: what 2 % leaves of most scenes
-EXPECTED = 7
+EXPECTED = 7.0
+# how much larger functions may become than those that are finished let expect
+GROWTH = 1.1
+# bytes of what is not worth counting one by one: threads, lines of state, one function's steps
+SMALL = 1 << 20
+MIB = 2.0**20
+
+
+class MemoryBoundError(ValueError):
+    """A memory bound that construction can't keep."""
+
+    def __init__(self, bound: int, needed: int, pyramid: Pyramid, maps: int) -> None:
+        what = f"penumbra deep shadow map of {pyramid.width}x{pyramid.height} pixels from {maps} shadow maps"
+        super().__init__(
+            f"memory: {bound / MIB:.0f} MiB are too few for a {what}; at least {math.ceil(needed / MIB)} MiB are needed"
+        )
 
 
 class MapMaker(NamedTuple):
-    """Shadow maps on demand. shape: rows and columns of a map. draw(cameras, top, out): fills out float32 (N, h, w) with the rows
-    top … top + h - 1 of each map. bytes: of the triangles that it holds.
+    """Shadow maps on demand. shape: rows and columns of a map. draw(cameras, top, out, spare): fills out float32 (N, h, w) with the
+    rows top … top + h - 1 of each map, spare (2, N, h, w) is room to work in. bytes: of what it holds.
     """
 
     shape: tuple[int, int]
-    draw: Callable[[F64, I64, F32], None]
+    draw: Callable[[F64, I64, F32, F32], None]
     bytes: int = 0
 
 
@@ -90,30 +107,40 @@ def assemble(
     how: Construction,
     counters: Counter[str] | None = None,
     grid: Grid | None = None,
+    held: int = 0,
 ) -> PenumbraMap:
     """The penumbra deep shadow map of `cameras` (N, CAMERA) and their maps.
 
     grid: where the cameras come from `aligned_cameras`, its second result; the exact walk is then that of `lockstep`, with the same
-    events. counters: adds `shadow_maps`, `rays_walked`, `texels_walked`, `events` and `vertices`. Raises ValueError without
-    cameras.
+    events. held: bytes of the memory bound that are taken already. counters: adds `shadow_maps`, `rays_walked`, `texels_walked`,
+    `events` and `vertices`. Raises ValueError without cameras, MemoryBoundError where `how.memory` is too small.
     """
     if not len(cameras):
         raise ValueError("a penumbra deep shadow map needs at least one light point")
     tally = Counter[str]() if counters is None else counters
-    pixels = pyramid.width * pyramid.height
-    beside = min(maps.bytes + pixels * VERTEX * (EXPECTED + 1), how.memory // 2)
+    width, pixels = pyramid.width, pyramid.width * pyramid.height
     aligned = grid if how.walk == "exact" else None
-    plan = plan_of(pyramid, cameras, maps.shape, how.memory - beside, blocks=aligned is None)
-    work = Work(pyramid, cameras, maps, how, aligned, plan)
-    done = Functions(pixels)
-    for slab in plan.slabs:
-        work.build(slab, done, tally)
+    beside = held + maps.bytes + cameras.nbytes + 8 * (pixels + 1) + SMALL
+    done = Functions(pixels, min(EXPECTED, max(how.memory - beside, 0) / 2 / VERTEX / pixels))
+    while done.pixels < pixels:
+        rows = range(done.pixels // width, pyramid.height)
+        # functions that turn out larger than expected leave less for the rest
+        size = max(done.bytes, int(GROWTH * VERTEX * done.vertices / max(done.pixels, 1) * pixels))
+        plan = plan_of(pyramid, rows, cameras, maps.shape, how.memory - beside - size, blocks=aligned is None)
+        if (needed := plan.bytes + beside + size) > how.memory:
+            raise MemoryBoundError(how.memory, needed, pyramid, len(cameras))
+        done.limit = how.memory - beside - plan.bytes
+        work = Work(pyramid, cameras, maps, how, aligned, plan, done, tally)
+        for slab in plan.slabs:
+            if not done.over:
+                work.build(slab)
+        del work
     tally["rays_walked"] += pixels * len(cameras)
     tally["events"] += done.events
     tally["texels_walked"] += done.steps
-    tally["vertices"] += len(done.depth)
+    tally["vertices"] += done.vertices
     texel = HALF_TEXELS[how.walk] * float(cameras[:, [DU, DV]].max())
-    return PenumbraMap(pyramid, len(cameras), texel, done.start, done.depth, done.value)
+    return PenumbraMap(pyramid, len(cameras), texel, *done.finished())
 
 
 def recompressed(made: PenumbraMap, how: Construction) -> PenumbraMap:

@@ -47,11 +47,11 @@ class FilteredMaps:
         self._emitter = emitter
         self._pyramids = pyramids_of(world, emitter, light, resolution, near)
         self._parts = []
-        corners = casters_of(world, emitter)
+        cast = casters_of(world, emitter)
         for pyramid in self._pyramids:
             cameras = cameras_of(pyramid, pyramid.local(points), resolution)
             extent = np.abs(pyramid.local(light)[:, :2]).max(axis=0)
-            maps = drawn(map_maker(pyramid, corners, (resolution, resolution)), cameras)
+            maps = drawn(map_maker(pyramid, cast, (resolution, resolution)), cameras)
             self._parts.append((cameras, maps if prefilter is None else prefilter(pyramid, cameras, maps), extent))
             counters["shadow_maps"] += len(cameras)
 

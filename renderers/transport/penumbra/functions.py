@@ -43,6 +43,11 @@ class PenumbraMap:
         """Size with 8 bytes a vertex and 4 a pixel, as the source counts."""
         return 8 * len(self.depth) + 4 * (len(self.start) - 1)
 
+    @property
+    def nbytes(self) -> int:
+        """Size in memory."""
+        return self.start.nbytes + self.depth.nbytes + self.value.nbytes
+
     def hidden(
         self,
         points: ArrayLike,

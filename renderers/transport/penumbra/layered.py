@@ -63,10 +63,10 @@ class LayeredLight:
     ) -> None:  # fmt: skip
         self._emitter = emitter
         self._maps = []
-        corners = casters_of(world, emitter)
+        cast = casters_of(world, emitter)
         for pyramid in pyramids_of(world, emitter, points, resolution, near):
             cameras = cameras_of(pyramid, pyramid.local(points), map_resolution)
-            maps = drawn(map_maker(pyramid, corners, (map_resolution, map_resolution)), cameras)
+            maps = drawn(map_maker(pyramid, cast, (map_resolution, map_resolution)), cameras)
             self._maps.append(LayeredMap(pyramid, cameras, maps, tolerance))
             counters["shadow_maps"] += len(cameras)
             counters["layers"] += len(self._maps[-1].depth)

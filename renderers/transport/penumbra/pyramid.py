@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,13 +82,12 @@ def pyramids_around(
     found = []
     for index, face in enumerate(FACES[:5] if one_sided else FACES):
         rotation = face @ frame
-        local = np.empty((len(geometry), 3))
-        for piece in chunks(len(geometry), PIECE):
-            local[piece] = (geometry[piece] - apex) @ rotation.T
         foremost = max(float(((points - apex) @ rotation.T)[:, 2].max()), 0.0)
-        low, high = _window(local, half=one_sided and index > 0)
-        far = float(local[:, 2].max()) * 1.001
-        start = max(foremost + near, _nearest(local))
+        seen = _seen(geometry, apex, rotation)
+        low, high = _window(seen, half=one_sided and index > 0)
+        far = seen.deepest * 1.001
+        # all in front: no edge can come nearer than the nearest vertex
+        start = max(foremost + near, seen.nearest * 0.999)
         if far <= start or (low >= high).any():
             continue
         pitch = float((high - low).max()) / resolution if index == 0 else 2.0 / resolution
@@ -97,18 +97,37 @@ def pyramids_around(
     return found
 
 
-def _nearest(local: F64) -> float:
-    """Depth of the nearest vertex where all are in front (no edge can come nearer), else 0."""
-    return max(float(local[:, 2].min()) * 0.999, 0.0)
+class _Seen(NamedTuple):
+    """Vertices in a pyramid's frame: least and greatest depth, bounds (2,) of their tangents where all are in front, and `reach`:
+    the largest x + z, z - x, y + z, z - y and y.
+    """
+
+    nearest: float
+    deepest: float
+    low: F64
+    high: F64
+    reach: F64
 
 
-def _window(local: F64, *, half: bool) -> tuple[F64, F64]:
+def _seen(geometry: NDArray[np.floating], apex: F64, rotation: F64) -> _Seen:
+    """The figures of all vertices (V, 3), in pieces."""
+    nearest, deepest = np.inf, -np.inf
+    low, high, reach = np.full(2, np.inf), np.full(2, -np.inf), np.full(5, -np.inf)
+    for piece in chunks(len(geometry), PIECE):
+        x, y, z = ((geometry[piece] - apex) @ rotation.T).T
+        nearest, deepest = min(nearest, float(z.min())), max(deepest, float(z.max()))
+        reach = np.maximum(reach, [(x + z).max(), (z - x).max(), (y + z).max(), (z - y).max(), y.max()])
+        if nearest > 0:
+            tangents = np.stack([x, y]) / z
+            low, high = np.minimum(low, tangents.min(axis=1)), np.maximum(high, tangents.max(axis=1))
+    return _Seen(nearest, deepest, low, high, reach)
+
+
+def _window(seen: _Seen, *, half: bool) -> tuple[F64, F64]:
     """Tangent bounds (2,) and (2,) of the geometry inside a 90° face; `half`: only v ≥ 0. Empty (low ≥ high) if there is none."""
     low, high = np.array([-1.0, 0.0 if half else -1.0]), np.ones(2)
-    z = local[:, 2]
-    if z.min() > 1e-3 * max(z.max(), 1e-9):
-        tangents = local[:, :2] / z[:, None]
-        return np.maximum(low, tangents.min(axis=0)), np.minimum(high, tangents.max(axis=0))
-    planes = np.stack([local[:, 0] + z, z - local[:, 0], local[:, 1] - low[1] * z, z - local[:, 1]])
-    outside = (planes < 0).all(axis=1).any() or z.max() <= 0
+    if seen.nearest > 1e-3 * max(seen.deepest, 1e-9):
+        return np.maximum(low, seen.low), np.minimum(high, seen.high)
+    left, right, down, up, above = seen.reach
+    outside = min(left, right, above if half else down, up) < 0 or seen.deepest <= 0
     return (low, low) if outside else (low, high)

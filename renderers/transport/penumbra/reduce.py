@@ -40,15 +40,25 @@ def compress_row(start, depth, value, method, epsilon, scale, budget):  # type: 
 
 
 @numba.njit(nogil=True, cache=True)
-def sorted_keys(pixel, z, sign, place, keys):  # type: ignore[no-untyped-def]
-    """Put events (E,) to the others of their pixel: place int64 (pixels,) is where each pixel's next one goes in keys uint32.
+def count_events(pixel, counts):  # type: ignore[no-untyped-def]
+    """Add to counts int64 (pixels,) the number of events (E,) of each pixel."""
+    for p in pixel:
+        counts[p] += 1
+
+
+@numba.njit(nogil=True, cache=True)
+def sorted_keys(pixel, z, sign, first, place, keys):  # type: ignore[no-untyped-def]
+    """Put events (E,) of the pixels from `first` on to the others of their pixel: place int64 (pixels,) is where each pixel's next
+    one goes in keys uint32. Those of other pixels are left out.
 
     An event is one integer: the bits of a positive float rise with it, and its sign fills the freed bit.
     """
     bits = z.view(np.uint32)
     for k in range(len(z)):
-        keys[place[pixel[k]]] = (bits[k] << np.uint32(1)) | np.uint32(sign[k] > 0)
-        place[pixel[k]] += 1
+        p = pixel[k] - first
+        if 0 <= p < len(place):
+            keys[place[p]] = (bits[k] << np.uint32(1)) | np.uint32(sign[k] > 0)
+            place[p] += 1
 
 
 @numba.njit(nogil=True, cache=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from renderers.transport.penumbra.lockstep import Grid, interleaved, tile_events
 from renderers.transport.penumbra.plan import Plan, band_of
 from renderers.transport.penumbra.pyramid import Pyramid
-from renderers.transport.penumbra.reduce import functions, sorted_keys
+from renderers.transport.penumbra.reduce import count_events, functions, sorted_keys
+from renderers.transport.penumbra.room import Events, Functions, Room, Store, Turns
 from renderers.transport.penumbra.walk import bounds_of, row_events
 from renderers.transport.threads import chunks, in_threads, thread_count
 
@@ -24,12 +25,7 @@ if TYPE_CHECKING:
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-
-
-class Events(NamedTuple):
-    pixel: NDArray[np.int32]
-    z: F32
-    sign: NDArray[np.int8]
+ALL = slice(None)
 
 
 class Maps(NamedTuple):
@@ -43,185 +39,182 @@ class Maps(NamedTuple):
     high: F32 | None = None
 
 
-class Tile(NamedTuple):
-    """Finished functions of some pixels."""
+class Block(NamedTuple):
+    """Pixels of some rows and columns; several rows are whole."""
 
-    counts: I64
-    depth: F32
-    value: F32
-    events: int
-    steps: int
+    rows: range
+    columns: range
 
+    @property
+    def pixels(self) -> int:
+        """How many."""
+        return len(self.rows) * len(self.columns)
 
-class Room:
-    """What one thread works in: events as found, sorted, and the vertices made of them."""
-
-    def __init__(self, events: int) -> None:
-        self.pixel, self.z, self.sign = np.empty(events, np.int32), np.empty(events, np.float32), np.empty(events, np.int8)
-        self.keys = np.empty(events, np.uint32)
-        self.depth, self.value = np.empty(events, np.float32), np.empty(events, np.float32)
-
-    def kept(self, count: int) -> Events:
-        """A copy of the first events."""
-        return Events(self.pixel[:count].copy(), self.z[:count].copy(), self.sign[:count].copy())
-
-
-class Functions:
-    """Finished tiles, one after another in arrays that grow in place; start (pixels + 1,) as far as they go."""
-
-    def __init__(self, pixels: int) -> None:
-        self.start = np.zeros(pixels + 1, np.int64)
-        self.depth, self.value = np.empty(0, np.float32), np.empty(0, np.float32)
-        self.pixels = self.events = self.steps = 0
-
-    def add(self, tile: Tile) -> None:
-        """Append a tile."""
-        first, last = len(self.depth), len(self.depth) + len(tile.depth)
-        # nobody else holds these arrays
-        self.depth.resize(last, refcheck=False)
-        self.value.resize(last, refcheck=False)
-        self.depth[first:], self.value[first:] = tile.depth, tile.value
-        after = self.pixels + len(tile.counts)
-        self.start[self.pixels + 1 : after + 1] = first + np.cumsum(tile.counts)
-        self.pixels = after
-        self.events += tile.events
-        self.steps += tile.steps
+    def halves(self) -> tuple[Block, Block]:
+        """Two blocks, of pixels one after another."""
+        if len(self.rows) > 1:
+            middle = len(self.rows) // 2
+            return Block(self.rows[:middle], self.columns), Block(self.rows[middle:], self.columns)
+        middle = len(self.columns) // 2
+        return Block(self.rows, self.columns[:middle]), Block(self.rows, self.columns[middle:])
 
 
 class Work:
     """One construction: draws bands of maps, finds events, finishes functions."""
 
-    def __init__(self, pyramid: Pyramid, cameras: F64, maps: MapMaker, how: Construction, grid: Grid | None, plan: Plan) -> None:
+    def __init__(
+        self, pyramid: Pyramid, cameras: F64, maps: MapMaker, how: Construction, grid: Grid | None, plan: Plan, done: Functions,
+        tally: Counter[str],
+    ) -> None:  # fmt: skip
         self.pyramid, self.cameras, self.how, self.plan = pyramid, cameras, how, plan
-        self._maps, self._grid = maps, grid
+        self._maps, self._grid, self._done, self._tally = maps, grid, done, tally
+        band = plan.rows * maps.shape[1]
+        self._bands = np.empty(plan.batch * band, np.float32)
+        self._drawing = np.empty(plan.part * 3 * band, np.float32)
+        self._store = Store(plan.kept)
         self._rooms: SimpleQueue[Room] = SimpleQueue()
         for _ in range(thread_count()):
             self._rooms.put(Room(plan.events))
 
-    def build(self, slab: range, done: Functions, tally: Counter[str]) -> None:
-        """Finish the rows of a slab, in order."""
+    def build(self, slab: range) -> None:
+        """Finish the rows of a slab, in order; fewer where the functions take more than they may."""
         if self.plan.batch >= len(self.cameras):
-            maps = self._drawn(slice(None), slab, tally)
-            waves = chunks(len(slab), self.plan.tile * 4 * thread_count())
-            for wave in waves:
-                tiles = [slab[wave][part] for part in chunks(len(slab[wave]), self.plan.tile)]
-                for finished in in_threads(lambda rows: self._finished(maps, rows), tiles):
-                    for tile in finished:
-                        done.add(tile)
-            return
-        held = self._held(slab, tally)
-        if held is None:
-            middle = slab.start + len(slab) // 2
-            self.build(range(slab.start, middle), done, tally)
-            self.build(range(middle, slab.stop), done, tally)
-            return
-        for row in range(len(slab)):
-            parts, steps = held[row]
-            held[row] = ([], 0)
-            with self._room() as room:
-                for tile in self._reduced(self.pyramid.width, parts, steps, room):
-                    done.add(tile)
+            maps = self._drawn(ALL, slab)
+            blocks = [Block(slab[part], range(self.pyramid.width)) for part in chunks(len(slab), self.plan.tile)]
+            self._in_turn(blocks, lambda block, room, pass_on: self._walk_and_reduce(maps, block, room, pass_on))
+        else:
+            self._build_from_batches(Block(slab, range(self.pyramid.width)))
 
-    def _held(self, slab: range, tally: Counter[str]) -> list[tuple[list[Events], int]] | None:
-        """Events of each row in all maps, batch after batch, and the steps walked; None where the slab has too many."""
-        held: list[tuple[list[Events], int]] = [([], 0) for _ in slab]
-        rows = [range(row, row + 1) for row in slab]
-        size = 0
-        for batch in chunks(len(self.cameras), self.plan.batch):
-            maps = self._drawn(batch, slab, tally)
-            found = in_threads(lambda row, m=maps, b=batch: self._found(m, b, row), rows)  # type: ignore[misc]
-            for k, (events, walked) in enumerate(found):
-                held[k] = ([*held[k][0], events], held[k][1] + walked)
-                size += sum(column.nbytes for column in events)
-            if size > self.plan.held and len(slab) > 1:
-                return None
-        return held
+    def _build_from_batches(self, block: Block) -> None:
+        """The same, keeping events from one batch of maps to the next; in halves where the store is too small for that."""
+        while not self._keep_all(block):
+            if block.pixels > 1:
+                for half in block.halves():
+                    self._build_from_batches(half)
+                return
+            self._store.grow()
+        rows = [Block(block.rows[k : k + 1], block.columns) for k in range(len(block.rows))]
+        self._in_turn(rows, self._reduce_kept)
 
-    def _drawn(self, which: slice, rows: range, tally: Counter[str]) -> Maps:
-        """Bands of the maps of some cameras for rows of the pyramid; a few at a time are interleaved, so that they don't exist
-        twice.
+    def _in_turn(self, blocks: list[Block], work: Callable[[Block, Room, Callable[[], bool]], None]) -> None:
+        """work(block, room, pass_on) in threads. It calls pass_on() before it appends functions: that waits until all blocks before
+        are done, and answers whether functions may grow still: those of a row that was begun may.
         """
+        turns, done, width = Turns(), self._done, self.pyramid.width
+
+        def one(number: int) -> None:
+            def pass_on() -> bool:
+                turns.wait(number)
+                return not done.over or done.pixels % width > 0
+
+            with self._room() as room:
+                try:
+                    work(blocks[number], room, pass_on)
+                finally:
+                    turns.passed(number)
+
+        in_threads(one, range(len(blocks)))
+
+    def _drawn(self, which: slice, rows: range) -> Maps:
+        """Bands of the maps of some cameras for rows of the pyramid."""
         cameras = self.cameras[which]
         top, height = band_of(self.pyramid, self.cameras, rows, self._maps.shape[0])
-        top = top[which]
-        width = self._maps.shape[1]
+        top, width = top[which], self._maps.shape[1]
         fine = 1 if self._grid is None else self._grid.fine
-        out = np.empty((len(cameras), height, fine, width // fine), np.float32)
+        out = self._bands[: len(cameras) * height * width].reshape(-1, height, fine, width // fine)
         for part in chunks(len(cameras), self.plan.part):
+            count = len(cameras[part])
+            three = self._drawing[: 3 * count * height * width].reshape(3, count, height, width)
             if fine == 1:
-                self._maps.draw(cameras[part], top[part], out[part, :, 0])
+                self._maps.draw(cameras[part], top[part], out[part, :, 0], three[1:])
                 continue
-            made = np.empty((len(cameras[part]), height, width), np.float32)
-            self._maps.draw(cameras[part], top[part], made)
-            out[part] = interleaved(made, self._grid)  # type: ignore[arg-type]
-        tally["shadow_maps"] += len(cameras)
+            self._maps.draw(cameras[part], top[part], three[0], three[1:])
+            out[part] = interleaved(three[0], self._grid)  # type: ignore[arg-type]
+        self._tally["shadow_maps"] += len(cameras)
         if self._grid is not None:
             return Maps(top, out)
         return Maps(top, out[:, :, 0], *bounds_of(out[:, :, 0]))
 
-    def _walked(self, maps: Maps, which: slice, rows: range, room: Room) -> tuple[int, int]:
-        """Events of some rows in these maps, put into `room`: how many (-1: too many) and the steps walked."""
+    def _walked(self, maps: Maps, which: slice, block: Block, room: Room) -> tuple[int, int]:
+        """Events of a block in these maps, put into `room`: how many (-1: too many) and the steps walked."""
         p, cameras = self.pyramid, self.cameras[which]
-        vs = p.vs[rows.start : rows.stop]
-        into = (room.pixel, room.z, room.sign)
+        us, vs = p.us[block.columns.start : block.columns.stop], p.vs[block.rows.start : block.rows.stop]
         if self._grid is not None:
-            return tile_events(maps.depth, cameras, maps.top, p.us, vs, p.near, p.far, self.how.bias, self._grid.coarse, *into)  # type: ignore[no-any-return]
+            grid = self._grid.coarse
+            return tile_events(maps.depth, cameras, maps.top, us, vs, p.near, p.far, self.how.bias, grid, *room.found)  # type: ignore[no-any-return]
         bounds = (maps.depth, maps.low, maps.high)
         exact = self.how.walk == "exact"
-        return row_events(*bounds, cameras, maps.top, p.us, vs, p.near, p.far, self.how.bias, exact, *into)  # type: ignore[no-any-return]
+        return row_events(*bounds, cameras, maps.top, us, vs, p.near, p.far, self.how.bias, exact, *room.found)  # type: ignore[no-any-return]
 
-    def _found(self, maps: Maps, which: slice, rows: range) -> tuple[Events, int]:
-        """Events of some rows, in arrays of their own."""
-        with self._room() as room:
-            count, steps = self._walked(maps, which, rows, room)
-            size = len(room.z)
-            while count < 0:
-                size *= 2
-                more = Room(size)
-                count, steps = self._walked(maps, which, rows, more)
-                if count >= 0:
-                    return more.kept(count), steps
-            return room.kept(count), steps
+    def _keep_all(self, block: Block) -> bool:
+        """Put the block's events in all maps into the store, batch after batch; False where it is too small."""
+        self._store.clear()
+        rows = [Block(block.rows[k : k + 1], block.columns) for k in range(len(block.rows))]
+        for batch in chunks(len(self.cameras), self.plan.batch):
+            maps = self._drawn(batch, block.rows)
 
-    def _finished(self, maps: Maps, rows: range) -> list[Tile]:
-        """Functions of some rows from all maps, in halves where they have too many events."""
-        with self._room() as room:
-            count, steps = self._walked(maps, slice(None), rows, room)
-            if count >= 0:
-                events = Events(room.pixel[:count], room.z[:count], room.sign[:count])
-                return list(self._reduced(self.pyramid.width * len(rows), [events], steps, room))
-        if len(rows) > 1:
-            middle = rows.start + len(rows) // 2
-            return self._finished(maps, range(rows.start, middle)) + self._finished(maps, range(middle, rows.stop))
-        events, steps = self._found(maps, slice(None), rows)
-        with self._room() as room:
-            return list(self._reduced(self.pyramid.width, [events], steps, room))
+            def keep(row: Block, maps: Maps = maps, batch: slice = batch) -> bool:
+                with self._room() as room:
+                    return self._keep(maps, batch, row, row.columns.start, room)
 
-    def _reduced(self, pixels: int, parts: list[Events], steps: int, room: Room) -> Iterator[Tile]:
-        """Functions of some pixels, from parts of their events."""
-        start = np.zeros(pixels + 1, np.int64)
+            if not all(in_threads(keep, rows)):
+                return False
+        return True
+
+    def _keep(self, maps: Maps, which: slice, row: Block, first: int, room: Room) -> bool:
+        """Events of a row, or of some of its columns, in these maps; their pixels count from column `first`."""
+        count, steps = self._walked(maps, which, row, room)
+        if count >= 0:
+            events = room.found.part(slice(count))
+            events.pixel[:] += row.columns.start - first
+            return self._store.add(row.rows.start, events, steps)
+        if row.pixels == 1:
+            room.grow()
+            return self._keep(maps, which, row, first, room)
+        return all(self._keep(maps, which, half, first, room) for half in row.halves())
+
+    def _reduce_kept(self, row: Block, room: Room, pass_on: Callable[[], bool]) -> None:
+        parts, steps = self._store.of(row.rows.start)
+        self._reduce(row.pixels, parts, steps, room, pass_on)
+
+    def _walk_and_reduce(self, maps: Maps, block: Block, room: Room, pass_on: Callable[[], bool]) -> None:
+        """Functions of a block from all maps, in halves where it has too many events."""
+        count, steps = self._walked(maps, ALL, block, room)
+        if count >= 0:
+            self._reduce(block.pixels, [room.found.part(slice(count))], steps, room, pass_on)
+        elif block.pixels == 1:
+            room.grow()
+            self._walk_and_reduce(maps, block, room, pass_on)
+        else:
+            for half in block.halves():
+                self._walk_and_reduce(maps, half, room, pass_on)
+
+    def _reduce(self, pixels: int, parts: list[Events], steps: int, room: Room, pass_on: Callable[[], bool]) -> None:
+        """Functions of some pixels, from parts of their events: as many at a time as there is room for."""
+        how, merge, scale = self.how, self.how.interval(self.pyramid), self.how.scale(self.pyramid)
+        counted = np.zeros(pixels, np.int64)
         for part in parts:
-            start[1:] += np.bincount(part.pixel, minlength=pixels)
+            count_events(part.pixel, counted)
         # a function has at most two vertices an event
-        longest = 2 * int(start.max()) + 4
-        np.cumsum(start, out=start)
-        count = int(start[-1])
-        keys = room.keys if count <= len(room.keys) else np.empty(count, np.uint32)
-        depth, value = (a if longest <= len(a) else np.empty(longest, np.float32) for a in (room.depth, room.value))
-        place = start[:-1].copy()
-        for part in parts:
-            sorted_keys(*part, place, keys)
-        how = self.how
-        merge, scale = how.interval(self.pyramid), how.scale(self.pyramid)
-        first = 0
-        while first < pixels:
-            counts = np.zeros(pixels, np.int64)
-            after, total = functions(
-                start, keys, first, len(self.cameras), merge, how.metric, how.epsilon, scale, how.budget, counts, depth, value
-            )
-            new = int(start[after] - start[first])
-            yield Tile(counts[first:after].copy(), depth[:total].copy(), value[:total].copy(), new, steps if first == 0 else 0)
-            first = after
+        room.hold(2 * int(counted.max()) + 4)
+        for group in _groups(counted, len(room.keys)):
+            start = np.concatenate([[0], np.cumsum(counted[group])])
+            keys = room.keys if start[-1] <= len(room.keys) else np.empty(start[-1], np.uint32)
+            place = start[:-1].copy()
+            for part in parts:
+                sorted_keys(*part, group.start, place, keys)
+            first, size = 0, len(start) - 1
+            while first < size:
+                counts = np.zeros(size, np.int64)
+                after, total = functions(
+                    start, keys, first, len(self.cameras), merge, how.metric, how.epsilon, scale, how.budget, counts, room.depth,
+                    room.value,
+                )  # fmt: skip
+                if not pass_on():
+                    return
+                events = int(start[after] - start[first])
+                self._done.add(counts[first:after], room.depth[:total], room.value[:total], events, steps)
+                first, steps = after, 0
 
     @contextmanager
     def _room(self) -> Iterator[Room]:
@@ -231,3 +224,14 @@ class Work:
             yield room
         finally:
             self._rooms.put(room)
+
+
+def _groups(counts: I64, most: int) -> Iterator[slice]:
+    """Pixels one after another with at most so many events together, or a single one with more."""
+    first = 0
+    total = np.cumsum(counts)
+    while first < len(counts):
+        before = int(total[first - 1]) if first else 0
+        last = max(int(np.searchsorted(total, before + most, side="right")), first + 1)
+        yield slice(first, last)
+        first = last

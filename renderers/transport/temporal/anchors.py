@@ -15,8 +15,10 @@ from renderers.scene.world import World
 from renderers.transport.caching.records import Sites
 from renderers.transport.raycast import OFFSET, caster_of
 from renderers.transport.surface import turned
+from renderers.transport.temporal.motion import Motion
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 REACH = 2 * OFFSET
 BURIED = OFFSET / 2  # rays leave from OFFSET above a place: from outside, if the surface lies no higher than this
 PARALLEL = 0.95
@@ -50,6 +52,17 @@ def carried(before: World, after: World, found: Anchors) -> tuple[F64, F64]:
     weights = np.stack([1 - found.u - found.v, found.u, found.v], axis=1)
     shift = np.einsum("nk,nkc->nc", weights, new - old)
     return np.einsum("nij,nkj->nik", _axes(new), _axes(old)), shift
+
+
+def departures(motion: Motion, sites: Sites) -> tuple[I64, F64, F64]:
+    """Which of N places lie on a surface that moves, (M,), and how they go with it: rotation (M, 3, 3) and shift (M, 3)."""
+    index = np.zeros(0, np.int64)
+    if motion.same_topology and motion.moved.any() and len(sites.position):
+        found = anchors(motion.before, sites)
+        index = np.flatnonzero(found.held & motion.moved[found.triangle])
+    if not len(index):
+        return index, np.zeros((0, 3, 3)), np.zeros((0, 3))
+    return index, *carried(motion.before, motion.after, Anchors(found.triangle[index], found.u[index], found.v[index]))
 
 
 def _corners(world: World, triangle: NDArray[np.int32]) -> F64:

@@ -28,9 +28,10 @@ from renderers.transport.caching.limits import limited
 from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.records import Float, Records, Sites
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.temporal.anchors import anchors
-from renderers.transport.temporal.coverage import coverage
+from renderers.transport.temporal.anchors import anchors, departures
+from renderers.transport.temporal.coverage import coverage, needed
 from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
+from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.records import Timed, Trends
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
 
@@ -43,7 +44,7 @@ MOST_STRIKES = 4
 @dataclass(frozen=True)
 class Policy:
     """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
-    frozen: no trends."""
+    frozen: no trends; follows: places go with surfaces that move."""
 
     a_t: float = 0.05
     longest: int = 20
@@ -51,6 +52,7 @@ class Policy:
     guard: bool = True
     stagger: bool = True
     frozen: bool = False
+    follows: bool = True
 
     @property
     def foresees(self) -> bool:
@@ -67,7 +69,7 @@ class View(NamedTuple):
 
 class Stage(NamedTuple):
     """What one frame is computed with. still: nothing changes between this frame and the next; changed: frame since which nothing
-    has changed. ahead: foresees records; None: nothing to foresee."""
+    has changed. ahead: foresees records; None: nothing to foresee. past: what led from the frame before to this one, if known."""
 
     frame: int
     sampler: TemporalSampler
@@ -76,6 +78,7 @@ class Stage(NamedTuple):
     placement: Placement
     still: bool
     changed: int
+    past: Motion | None = None
 
 
 class Computed(NamedTuple):
@@ -110,7 +113,7 @@ class TemporalCache:
         """
         if self.policy.keeping == "per-frame":
             self.live, self.places = Timed.empty(), 0
-        renewed = self.renew(stage, counters)
+        renewed = self.renew(stage, counters, views)
         values = self.live.at(stage.frame)
         placement = stage.placement
         made, resting = list[Computed](), self._rests_everywhere()
@@ -130,11 +133,19 @@ class TemporalCache:
         counters["records_alive"] += len(self.live)
         return renewed
 
-    def renew(self, stage: Stage, counters: Counter[str]) -> Timed:
-        """Delete or compute anew all records whose life is over. Returns the new ones."""
+    def renew(self, stage: Stage, counters: Counter[str], views: Sequence[View] = ()) -> Timed:
+        """Delete or compute anew all records whose life is over. Returns the new ones.
+
+        views: of this frame. With them, places whose records live for one frame are given up where others reach all of their
+        pixels: else places that accumulate from frame to frame would cost more than those that a cache of one frame needs.
+        """
+        if self.policy.follows and stage.past is not None:
+            self.live = self.live.carried(*departures(stage.past, self.live.sites))
         over = self.live.last < stage.frame
         old = self.live.rows(over & (self.live.covered > 0))
         old = old.rows(anchors(stage.sampler.world, old.sites).held)
+        if self.policy.guard and views:
+            old = old.rows(self._needed(self.live.rows(~over), old, stage.placement, views))
         counters["records_deleted"] += int(np.count_nonzero(over)) - len(old)
         counters["records_renewed"] += len(old)
         same = (old.born >= stage.changed) & stage.still
@@ -148,22 +159,33 @@ class TemporalCache:
         self.live = _by_place(Timed.joined(self.live.rows(~over), renewed))
         return _by_place(renewed)
 
+    def _needed(self, valid: Timed, old: Timed, placement: Placement, views: Sequence[View]) -> NDArray[np.bool_]:
+        """Which of the records to renew, (K,), were foreseen to last, or reach pixels that no other does."""
+        both = Records.joined([valid.records, old.records])
+        sure = np.concatenate([np.ones(len(valid), bool), old.strikes == 0])
+        for view in views:
+            # what one view needs is there in the next
+            sure = sure | needed(view.canvas, both, sure, placement.a, placement.weight)
+        return np.asarray(sure[len(valid) :])
+
     def _kept(self, old: Timed, frame: int) -> Timed:
         """Records that would come out as they are."""
         count = len(old)
         life = np.full(count, self.policy.longest)
-        return Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
+        return Timed.of(
+            old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest
+        ).turned_as(old)
 
     def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
         """Successors, their light foreseen where `ahead` is given."""
         if not len(old):
             return Timed.empty()
-        now, later = stage.sampler.sample(old.sites, old.place, ahead)
+        now, later = stage.sampler.sample(old.sites, old.place, ahead, old.tangents)
         foreseen = np.full(len(old), ahead is not None or stage.still)
         # neighbours among records that are still to come would make a frame depend on those after it
         records = limited(now, replace(stage.placement.limits, neighbours=False))
         computed = Computed(old.sites, now, later, foreseen)
-        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest)
+        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
 
     def _adopt(self, stage: Stage, records: Records, made: list[Computed], counters: Counter[str]) -> None:
         """Take in records of new places."""

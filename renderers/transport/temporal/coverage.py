@@ -20,6 +20,32 @@ def coverage(canvas: Canvas, records: Records, a: float, weight: Weight = "ward"
     return counts
 
 
+def needed(canvas: Canvas, records: Records, sure: NDArray[np.bool_], a: float, weight: Weight = "ward") -> NDArray[np.bool_]:
+    """Which of K records reach a pixel that none before them reaches, (K,): those that are `sure` (K,) come first, in order."""
+    order = np.argsort(~sure, kind="stable")
+    columns, accuracy = records.rows(order).columns(canvas.dtype), canvas.dtype.type(checked_accuracy(a))
+    found = np.zeros(len(order), bool)
+    _walk(canvas.position, canvas.normal, canvas.tiles, columns, accuracy, WEIGHTS[weight], np.zeros(len(canvas), bool), found)
+    out = np.empty(len(order), bool)
+    out[order] = found
+    return out
+
+
+@numba.njit(nogil=True, cache=True)
+def _walk(points, normals, tiles, records, a, kind, covered, found):  # type: ignore[no-untyped-def]
+    for k in range(len(records.position)):
+        position, normal, radius = records.position[k], records.normal[k], records.radius[k]
+        for b in range(len(tiles.first) - 1):
+            if misses(tiles.block_bounds[b], position, normal, radius, a):
+                continue
+            for t in range(tiles.first[b], tiles.first[b + 1]):
+                if misses(tiles.tile_bounds[t], position, normal, radius, a):
+                    continue
+                for i in tiles.pixel[t]:
+                    if i >= 0 and not covered[i] and weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
+                        covered[i] = found[k] = True
+
+
 @numba.njit(parallel=True, cache=True)
 def _count(points, normals, tiles, records, a, kind, counts):  # type: ignore[no-untyped-def]
     for k in numba.prange(len(records.position)):

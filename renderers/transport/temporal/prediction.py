@@ -18,15 +18,18 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import Grid
-from renderers.transport.caching.incoming import Incoming, Seen, seen_along
+from renderers.transport.caching.incoming import Incoming
+from renderers.transport.caching.records import Sites
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
-from renderers.transport.temporal.anchors import Anchors, anchors, carried
+from renderers.transport.seen import Seen, seen_along
+from renderers.transport.temporal.anchors import departures
 from renderers.transport.temporal.motion import Motion, crossing
 from renderers.transport.temporal.reprojection import Moved, reprojected
 from renderers.transport.temporal.sampling import Cast, TemporalSampler
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+MANY = 16  # boxes: beyond, casting a ray at what moves is cheaper than testing it against them
 
 
 class Shaded(NamedTuple):
@@ -43,34 +46,35 @@ class RayCast:
     def __init__(self, motion: Motion, sampler: TemporalSampler, incoming: Incoming) -> None:
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
         self._caster = caster_of(motion.after)
+        self.smooth = motion.lights
 
     def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
         """See `sampling.Ahead`."""
         columns: Any = (column.copy() for column in cast.hits)
         hits = Hits(*columns)
-        origins, directions, uncertain = self._rays(cast)
-        self._doubt(cast, uncertain)
-        anew = np.flatnonzero(uncertain)
+        origins, directions, changed = self._rays(cast)
+        anew, rays = self._recast(origins, directions, hits, changed), 0
         if len(anew):
             found = self._caster.first_hit(origins[anew], directions[anew])
-            for column, value in zip(hits, found, strict=True):
-                column[anew] = value
-        changed = np.zeros(len(hits.t), bool)
-        changed[anew] = True
+            _replaced(hits, anew, found)
+            rays = len(anew)
         shaded = shaded_later(self._motion, self._incoming, self._sampler, cast, hits, directions, changed)
-        return shaded.radiance, shaded.nearness, len(anew) + shaded.rays
+        return shaded.radiance, shaded.nearness, rays + shaded.rays
+
+    def changes(self, sites: Sites) -> Mask:
+        """See `sampling.Ahead`."""
+        if _relights_all(self._motion) or len(self._motion.boxes) > MANY:
+            return np.ones(len(sites.position), bool)
+        out = np.zeros(len(sites.position), bool)
+        out[departures(self._motion, sites)[0]] = True
+        return out
 
     def _rays(self, cast: Cast) -> tuple[F32, F32, Mask]:
         """Origins and directions (R, 3) one frame later, and which rays differ, (R,)."""
-        motion, rays = self._motion, np.zeros(len(cast.hits.t), bool)
-        if not motion.same_topology or not motion.moved.any():
-            return cast.origins, cast.directions, rays
-        found = anchors(motion.before, cast.sites)
-        index = np.flatnonzero(found.held & motion.moved[found.triangle])
+        rays = np.zeros(len(cast.hits.t), bool)
+        index, rotation, shift = departures(self._motion, cast.sites)
         if not len(index):
             return cast.origins, cast.directions, rays
-        moving = Anchors(found.triangle[index], found.u[index], found.v[index])
-        rotation, shift = carried(motion.before, motion.after, moving)
         by_place = len(cast.tangents), -1, 3
         origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
         place = cast.sites.position[index][:, None]
@@ -79,16 +83,35 @@ class RayCast:
         rays.reshape(len(cast.tangents), -1)[index] = True
         return origins.reshape(-1, 3), directions.reshape(-1, 3), rays
 
-    def _doubt(self, cast: Cast, uncertain: Mask) -> None:
-        """uncertain (R,) |= whether a ray may hit something else, or elsewhere."""
-        if not self._motion.same_topology:
-            uncertain[:] = True
-            return
-        hit = cast.hits.triangle >= 0
-        uncertain[hit] |= self._motion.moved[cast.hits.triangle[hit]]
-        # what moved away from before a ray's hit would have been the hit
-        came = np.ascontiguousarray(self._motion.boxes[1::2])
-        crossing(cast.origins, cast.directions, np.where(hit, cast.hits.t, FAR), came, uncertain)
+    def _recast(self, origins: F32, directions: F32, hits: Hits, changed: Mask) -> NDArray[np.int64]:
+        """Rays that may hit something else, or elsewhere; changed (R,), those known to differ, is updated, and hits as well."""
+        motion = self._motion
+        if not motion.same_topology:
+            changed[:] = True
+            return np.arange(len(changed))
+        hit = hits.triangle >= 0
+        changed[hit] |= motion.moved[hits.triangle[hit]]
+        if len(motion.boxes) <= MANY:
+            # what moved away from before a ray's hit would have been the hit
+            came = np.ascontiguousarray(motion.boxes[1::2])
+            crossing(origins, directions, np.where(hit, hits.t, FAR), came, changed)
+            return np.flatnonzero(changed)
+        rest = np.flatnonzero(~changed)
+        found = self._caster.first_moving_hit(origins[rest], directions[rest])
+        if found is None:
+            changed[:] = True
+            return np.arange(len(changed))
+        nearer = (found.triangle >= 0) & (~hit[rest] | (found.t < hits.t[rest]))
+        anew = np.flatnonzero(changed)
+        columns: Any = (column[nearer] for column in found)
+        _replaced(hits, rest[nearer], Hits(*columns))
+        changed[rest[nearer]] = True
+        return anew
+
+
+def _replaced(hits: Hits, index: NDArray[np.int64], others: Hits) -> None:
+    for column, value in zip(hits, others, strict=True):
+        column[index] = value
 
 
 class Reprojection:
@@ -102,6 +125,11 @@ class Reprojection:
             raise ValueError("hits can only be followed where the triangles of both frames correspond")
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
         self._grid, self._footprints = grid, footprints
+        self.smooth = True
+
+    def changes(self, sites: Sites) -> Mask:
+        """See `sampling.Ahead`: drawing hits costs much less than casting rays."""
+        return np.zeros(len(sites.position), bool)
 
     def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
         """See `sampling.Ahead`."""
@@ -130,35 +158,42 @@ def shaded_later(
 
     incoming: of the next frame. What is lit as before keeps the radiance of `cast`, to the bit.
     """
-    seen = seen_along(motion.after, directions, hits)
-    relit = changed[seen.ray]
-    _relight(motion, seen, relit)
-    rows = np.flatnonzero(relit)
-    columns: Any = (column[rows] for column in seen)
-    part = Seen(*columns)
-    radiance, nearness = cast.radiance.copy(), cast.nearness.copy()
+    radiance, nearness, rays = cast.radiance.copy(), cast.nearness.copy(), 0
     radiance[changed], nearness[changed] = 0, 0
-    rays = 0
-    if len(rows):
-        radiance[part.ray], rays = incoming(part, sampler.light_numbers(part, cast.random))
-    again = seen.ray[changed[seen.ray]]
-    nearness[again] = 1 / np.maximum(hits.t[again], OFFSET)
+    # a new albedo may be anywhere
+    index = np.arange(len(changed)) if motion.materials else np.flatnonzero(changed)
+    anew = seen_along(motion.after, directions[index], Hits._make(column[index] for column in hits))
+    anew = anew._replace(ray=index[anew.ray])
+    nearness[anew.ray] = 1 / np.maximum(hits.t[anew.ray], OFFSET)
+    kept = np.flatnonzero(~changed[cast.seen.ray]) if not motion.materials else index[:0]
+    kept = kept[_relit(motion, cast.seen.position[kept])]
+    still = Seen._make(column[kept] for column in cast.seen)
+    pairs: Any = zip(anew, still, strict=True)
+    part = Seen(*map(np.concatenate, pairs))
+    if len(part.ray):
+        radiance[part.ray], rays = incoming(part, sampler.light_numbers(part, cast))
     return Shaded(radiance, nearness, rays)
 
 
-def _relight(motion: Motion, seen: Seen, relit: Mask) -> None:
-    """relit (S,) |= whether the light of a hit may change: where lights changed, or something moves between it and a light."""
+def _relights_all(motion: Motion) -> bool:
+    """Whether the light of any surface may change."""
     world = motion.after
     stochastic = len(world.emissive) > 0 or (world.environment is not None and any(world.environment.radiance))
-    if motion.lights or motion.materials or not motion.same_topology or (stochastic and len(motion.boxes)):
-        relit[:] = True
-        return
-    for light in world.lights:
+    return motion.lights or motion.materials or not motion.same_topology or (stochastic and len(motion.boxes) > 0)
+
+
+def _relit(motion: Motion, position: NDArray[np.float64]) -> Mask:
+    """Whether the light of hits at rest (S, 3) may change, (S,): lights changed, or something moves between it and a light."""
+    out = np.zeros(len(position), bool)
+    if _relights_all(motion) or len(motion.boxes) > MANY:
+        out[:] = True
+        return out
+    for light in motion.after.lights:
         if light.kind == "directional":
-            direction = np.broadcast_to(-light.direction, seen.position.shape)
-            crossing(seen.position, direction, np.full(len(relit), FAR), motion.boxes, relit)
+            crossing(position, np.broadcast_to(-light.direction, position.shape), np.full(len(out), FAR), motion.boxes, out)
         else:
-            crossing(seen.position, light.position - seen.position, np.ones(len(relit)), motion.boxes, relit)
+            crossing(position, light.position - position, np.ones(len(out)), motion.boxes, out)
+    return out
 
 
 def _points(world: World, hits: Hits, rays: NDArray[np.int64]) -> NDArray[np.float64]:

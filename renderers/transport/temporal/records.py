@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.transport.caching.records import Records, Sites
+from renderers.transport.sampling import frame as frame_of
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -57,7 +58,8 @@ class Trends:
 @dataclass(frozen=True, eq=False)
 class Timed:
     """K records in time. sites: where they are; place (K,): number of the place; born (K,): frame computed; life (K,): frames it
-    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`."""
+    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`. made (K, 3): normal
+    of the place when it was made, and turn (K, 3, 3): its rotation since, where it goes with a surface that moves."""
 
     records: Records
     trends: Trends
@@ -68,6 +70,8 @@ class Timed:
     covered: I64
     strikes: I64
     rest: I64
+    made: F64
+    turn: F64
 
     def __len__(self) -> int:
         return len(self.place)
@@ -82,16 +86,25 @@ class Timed:
         return Timed(**columns)
 
     @staticmethod
-    def of(records: Records, trends: Trends, sites: Sites, place: I64, frame: int, life: I64, strikes: I64, rest: I64) -> Timed:
-        """Records made in one frame."""
+    def of(
+        records: Records,
+        trends: Trends,
+        sites: Sites,
+        place: I64,
+        frame: int,
+        life: I64,
+        strikes: I64,
+        rest: I64,
+    ) -> Timed:
+        """Records made in one frame, at new places."""
         born, unknown = np.full(len(place), frame), np.full(len(place), -1)
-        return Timed(records, trends, sites, place, born, life, unknown, strikes, rest)
+        return Timed(records, trends, sites, place, born, life, unknown, strikes, rest, sites.normal, unturned(len(place)))
 
     @staticmethod
     def empty() -> Timed:
         """None."""
         nothing, three = np.zeros(0, np.int64), np.zeros((0, 3))
-        return Timed(Records.empty(), Trends.none(0), Sites(three, three, three), *(nothing,) * 6)
+        return Timed(Records.empty(), Trends.none(0), Sites(three, three, three), *(nothing,) * 6, three, unturned(0))
 
     @staticmethod
     def joined(*parts: Timed) -> Timed:
@@ -110,6 +123,11 @@ class Timed:
         return Timed(**joined)
 
     @property
+    def tangents(self) -> F64:
+        """Axes of their hemispheres (K, 2, 3), which turn with their places."""
+        return np.asarray(np.einsum("nij,ntj->nti", self.turn, np.stack(frame_of(self.made), axis=1)))
+
+    @property
     def last(self) -> I64:
         """Last frame that each serves, (K,)."""
         return self.born + self.life - 1
@@ -125,13 +143,45 @@ class Timed:
             rotation=self.records.rotation + trends.rotation * dt[:, None, None],
         )
 
+    def carried(self, index: I64, rotation: F64, shift: F64) -> Timed:
+        """The same with the selected places (N,) turned about themselves (N, 3, 3) and moved (N, 3), and their light with them."""
+        if not len(index):
+            return self
+        position, turn = self.sites.position.copy(), self.turn.copy()
+        position[index] += shift
+        turn[index] = rotation @ turn[index]
+        normal, geometric = self.sites.normal.copy(), self.sites.geometric.copy()
+        for column in (normal, geometric):
+            column[index] = np.einsum("nij,nj->ni", rotation, column[index])
+        records = replace(self.records, position=position, normal=normal, **_turned(self.records, index, rotation))
+        trends = replace(self.trends, **_turned(self.trends, index, rotation))
+        return replace(self, records=records, trends=trends, sites=Sites(position, normal, geometric), turn=turn)
+
+    def turned_as(self, others: Timed) -> Timed:
+        """The same at places that turned as those of others did."""
+        return replace(self, made=others.made, turn=others.turn)
+
     def with_trends(self, index: Any, trends: Trends) -> Timed:
         """The same with other trends at the selected ones."""
-        columns: Any = {}
+        columns: dict[str, Any] = {}
         for name in Trends.__dataclass_fields__:
             columns[name] = getattr(self.trends, name).copy()
             columns[name][index] = getattr(trends, name)
         return replace(self, trends=Trends(**columns))
+
+
+def unturned(count: int) -> F64:
+    """Rotations (K, 3, 3) that change nothing."""
+    return np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+
+
+def _turned(values: Records | Trends, index: Any, rotation: F64) -> dict[str, Any]:
+    """Spatial gradients, or their trends, with the selected ones turned."""
+    columns: dict[str, Any] = {}
+    for name in ("translation", "rotation"):
+        columns[name] = getattr(values, name).copy()
+        columns[name][index] = np.einsum("nij,ncj->nci", rotation, columns[name][index])
+    return columns
 
 
 def succeeded(records: Timed, waiting: NDArray[np.bool_], successors: Timed, frame: int) -> tuple[Timed, NDArray[np.bool_]]:
@@ -146,5 +196,9 @@ def succeeded(records: Timed, waiting: NDArray[np.bool_], successors: Timed, fra
     has = successors.place[found] == records.place[index] if len(successors) else np.zeros(len(index), bool)
     index, found = index[has], found[has]
     frames = (successors.born[found] - records.born[index]).astype(np.float64)
-    trends = Trends.between(records.records.rows(index), successors.records.rows(found), frames)
+    # gradients of a place that turns are those of its own axes: bring the successor's back to where the record is
+    back = records.turn[index] @ successors.turn[found].transpose(0, 2, 1)
+    last = successors.records.rows(found)
+    last = replace(last, **_turned(last, slice(None), back))
+    trends = Trends.between(records.records.rows(index), last, frames)
     return records.with_trends(index, trends), waiting & ~over

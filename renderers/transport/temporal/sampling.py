@@ -8,18 +8,20 @@ differences.
 from __future__ import annotations
 
 from collections import Counter
-from typing import NamedTuple, Protocol
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.gradients import polar_moments
-from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, PolarSampler, records_of
-from renderers.transport.caching.incoming import Incoming, Seen, seen_along
+from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, PolarSampler, grid_of, records_of
+from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
 from renderers.transport.sampling import frame, generator
+from renderers.transport.seen import Seen, seen_along
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
@@ -31,7 +33,8 @@ class Cast(NamedTuple):
     """Hemispheres of K places with all that was found on the way. Rays are numbered record by record, cell by cell.
 
     origins, directions float32 (K·cells, 3); hits: of the rays; seen: of those that hit something; random float64 (K, 8): numbers
-    of the places; radiance float32 (K·cells, 3), nearness float32 (K·cells,); tangents float64 (K, 2, 3).
+    of the places; radiance float32 (K·cells, 3), nearness float32 (K·cells,); tangents float64 (K, 2, 3); cell int64 (K·cells,):
+    number of each ray among those of the whole hemispheres of the K places.
     """
 
     sites: Sites
@@ -43,32 +46,60 @@ class Cast(NamedTuple):
     random: F64
     radiance: F32
     nearness: F32
+    cell: I64
+
+    def part(self, places: I64, cells: I64) -> Cast:
+        """Some cells (C,) of the hemispheres of some places (M,), in order."""
+        rays = (places[:, None] * (len(self.origins) // len(self.tangents)) + cells).ravel()
+        number = np.full(len(self.origins), -1)
+        number[rays] = np.arange(len(rays))
+        kept = number[self.seen.ray] >= 0
+        columns: Any = (column[kept] for column in self.seen)
+        seen = Seen(*columns)
+        hit: Any = (column[rays] for column in self.hits)
+        random, radiance, nearness = self.random[places], self.radiance[rays], self.nearness[rays]
+        # light samples are numbered by place and cell
+        cell = np.arange(len(places))[:, None] * (len(self.origins) // len(self.tangents)) + cells
+        return Cast(
+            self.sites.rows(places), self.tangents[places], self.origins[rays], self.directions[rays], Hits(*hit),
+            seen._replace(ray=number[seen.ray]), random, radiance, nearness, cell.ravel(),
+        )  # fmt: skip
 
 
 class Ahead(Protocol):
-    """Foresees hemispheres one frame later."""
+    """Foresees hemispheres one frame later. smooth: what changes does so by a little everywhere, as where lights move."""
+
+    @property
+    def smooth(self) -> bool: ...
 
     def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
         """Radiance (K·cells, 3), nearness (K·cells,) one frame later, and the number of rays cast. Called from several threads."""
+
+    def changes(self, sites: Sites) -> NDArray[np.bool_]:
+        """Places (K,) whose hemispheres change as a whole: foreseeing all of their rays would cost as much as a record."""
 
 
 class TemporalSampler(PolarSampler):
     """Computes records at places with numbers of their own, and the same records one frame ahead. Counters as `PolarSampler`."""
 
-    def __init__(self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str]) -> None:
+    def __init__(self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1) -> None:
         super().__init__(world, grid, incoming, seed, counters=counters)
+        self._coarse = coarse(grid, sparse)
 
-    def sample(self, sites: Sites, places: I64, ahead: Ahead | None = None) -> tuple[Records, Records]:
-        """Records at N places numbered `places` (N,), and what they will be one frame later; without `ahead`, what they are now."""
+    def sample(self, sites: Sites, places: I64, ahead: Ahead | None = None, tangents: F64 | None = None) -> tuple[Records, Records]:
+        """Records at N places numbered `places` (N,), and what they will be one frame later; without `ahead`, what they are now.
+
+        tangents (N, 2, 3): axes of the hemispheres, where they aren't those of `sampling.frame`.
+        """
         size = max(1, RAYS_PER_TASK // self.grid.cells)
 
         def task(part: slice) -> tuple[Records, Records, int]:
-            cast, rays = self.cast(sites.rows(part), places[part])
+            cast, rays = self.cast(sites.rows(part), places[part], None if tangents is None else tangents[part])
             now = self._records(cast, cast.radiance, cast.nearness)
             if ahead is None:
                 return now, now, rays
-            radiance, nearness, more = ahead(cast)
-            return now, self._records(cast, radiance, nearness), rays + more
+            later, more = self.foreseen(cast, now, ahead)
+            return now, later, rays + more
 
         done = in_threads(task, chunks(len(sites.position), size))
         self.counters["rays"] += sum(rays for _, _, rays in done)
@@ -76,10 +107,10 @@ class TemporalSampler(PolarSampler):
         self.counters["predictions"] += 0 if ahead is None else len(sites.position)
         return Records.joined([now for now, _, _ in done]), Records.joined([later for _, later, _ in done])
 
-    def cast(self, sites: Sites, places: I64) -> tuple[Cast, int]:
+    def cast(self, sites: Sites, places: I64, tangents: F64 | None = None) -> tuple[Cast, int]:
         """The hemispheres of a few places, and the number of rays cast. In the calling thread up to RAYS_PER_TASK rays."""
         cells = len(places) * self.grid.cells
-        tangents = np.stack(frame(sites.normal), axis=1)
+        tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
         random = np.stack([generator(self._seed, f"record {place}").random(8) for place in places])
         origins, directions = self._rays(sites, tangents, random)
         hits = self._caster.first_hit(origins, directions)
@@ -87,12 +118,84 @@ class TemporalSampler(PolarSampler):
         radiance, nearness = np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32)
         radiance[seen.ray], shadow_rays = self._incoming(seen, self._light_numbers(seen, random))
         nearness[seen.ray] = 1 / np.maximum(hits.t[seen.ray], OFFSET)
-        return Cast(sites, tangents, origins, directions, hits, seen, random, radiance, nearness), cells + shadow_rays
+        cast = Cast(sites, tangents, origins, directions, hits, seen, random, radiance, nearness, np.arange(cells))
+        return cast, cells + shadow_rays
 
-    def light_numbers(self, seen: Seen, random: F64) -> F64:
-        """Random numbers float64 (S, 6) for the lights of hits, whose rays belong to places with numbers (K, 8)."""
-        return self._light_numbers(seen, random)
+    def foreseen(self, cast: Cast, now: Records, ahead: Ahead) -> tuple[Records, int]:
+        """Records `now` of a cast one frame later, and the number of rays cast.
 
-    def _records(self, cast: Cast, radiance: F32, nearness: F32) -> Records:
-        shape = len(cast.tangents), *self.grid
+        Where a hemisphere changes as a whole, a coarse part of it is foreseen, and its change is that of the record.
+        """
+        changes = ahead.changes(cast.sites)
+        if len(self._coarse.cells) == self.grid.cells or not changes.any():
+            radiance, nearness, rays = ahead(cast)
+            return self._records(cast, radiance, nearness), rays
+        change, total = np.zeros((len(changes), 21)), 0
+        for index, grid, cells in (
+            (np.flatnonzero(~changes), self.grid, np.arange(self.grid.cells)),
+            (np.flatnonzero(changes), *self._coarse),
+        ):
+            if len(index):
+                part = cast.part(index, cells)
+                radiance, nearness, rays = ahead(part)
+                found = _light(self._records(part, radiance, nearness, grid))
+                found -= _light(self._records(part, part.radiance, part.nearness, grid))
+                differences = (radiance - part.radiance).reshape(len(index), *grid, 3)
+                share = 0.0 if ahead.smooth else 1 / len(cells) - 1 / self.grid.cells
+                change[index] = found * _certain(found, differences, share)
+                total += rays
+        light = _light(now) + change
+        shape = len(changes), 3, 3
+        later = replace(
+            now, irradiance=light[:, :3], translation=light[:, 3:12].reshape(shape), rotation=light[:, 12:].reshape(shape)
+        )
+        return later, total
+
+    def light_numbers(self, seen: Seen, cast: Cast) -> F64:
+        """Random numbers float64 (S, 6) for the lights of hits of a cast's rays."""
+        return self._light_numbers(seen._replace(ray=cast.cell[seen.ray]), cast.random)
+
+    def _records(self, cast: Cast, radiance: F32, nearness: F32, grid: Grid | None = None) -> Records:
+        shape = len(cast.tangents), *(self.grid if grid is None else grid)
         return records_of(cast.sites, cast.tangents, polar_moments(radiance.reshape(*shape, 3), nearness.reshape(shape)))
+
+
+class Coarse(NamedTuple):
+    """A coarse grid, and the cells (C,) of a fine one that stand for its own."""
+
+    grid: Grid
+    cells: I64
+
+
+def coarse(grid: Grid, sparse: int) -> Coarse:
+    """About one cell in `sparse` ≥ 1: one in each cell of a coarser grid, at places that a plane-filling sequence picks."""
+    if sparse == 1:
+        return Coarse(grid, np.arange(grid.cells))
+    few = grid_of(max(4, grid.cells // sparse))
+    number = np.arange(few.cells)
+    # R2 sequence (Roberts 2018): neighbouring cells don't pick alike
+    inside = np.modf((number[:, None] + 1) * np.array([0.7548776662466927, 0.5698402909980532]))[0]
+    ring = ((number // few.sectors + inside[:, 0]) * grid.rings / few.rings).astype(np.int64)
+    sector = ((number % few.sectors + inside[:, 1]) * grid.sectors / few.sectors).astype(np.int64)
+    return Coarse(few, ring * grid.sectors + sector)
+
+
+def _light(records: Records) -> F64:
+    """Irradiance and its gradients, (K, 21)."""
+    count = len(records)
+    parts = (getattr(records, name).reshape(count, -1) for name in ("irradiance", "translation", "rotation"))
+    return np.concatenate(list(parts), axis=1)
+
+
+def _certain(change: F64, differences: F32, share: float) -> F64:
+    """What to scale changes (K, 21) of records by, whose irradiance changed by means over C = M·N cells, (K, M, N, 3).
+
+    The square of a mean over C of all cells exceeds that over all by its noise, variance · (1/C - 1/all) on average (`share`: the
+    bracket): taken as it is, it would make lives shorter than all rays would. Cells are strata, whose variance is half the mean
+    square of what neighbours differ by: a smooth change has none.
+    """
+    apart = np.diff(differences, axis=2, append=differences[:, :, :1]).astype(np.float64)
+    noise = np.pi**2 * share * (apart**2).mean(axis=(1, 2)) / 2
+    square = change[:, :3] ** 2
+    factor = np.sqrt(np.maximum(1 - noise / np.maximum(square, 1e-300), 0))
+    return np.concatenate([factor, np.repeat(factor, 3, axis=1), np.repeat(factor, 3, axis=1)], axis=1)

@@ -22,11 +22,25 @@ function method(details) {
   return { name: details.dataset.method, settings, sweep };
 }
 
+// Text as `--references` of the command line takes it, and back: "10, 0:19" is every 10th frame and a window. Nothing: the default.
+function references() {
+  const text = document.getElementById("references").value.trim();
+  if (text === "") return null;
+  const parts = text === "all" ? ["1"] : text.split(",").map((part) => part.trim());
+  const every = parts.find((part) => !part.includes(":"));
+  return { every: every === undefined ? null : Number(every), windows: parts.filter((part) => part.includes(":")).map((part) => part.split(":").map(Number)) };
+}
+
+function written(chosen) {
+  if (chosen === null || chosen === undefined) return "";
+  return [chosen.every, ...(chosen.windows ?? []).map((ends) => ends.join(":"))].filter((part) => part !== null && part !== undefined).join(", ");
+}
+
 function request() {
   const chosen = [...form.querySelectorAll("details.method")].filter((details) => details.querySelector("[name=method]").checked);
   return {
     scenes: scenes(), methods: chosen.map(method), size: [number("width"), number("height")], seeds: number("seeds"),
-    frames: [number("first"), number("last")], noise: number("noise"), priority: number("priority"),
+    frames: [number("first"), number("last")], references: references(), noise: number("noise"), priority: number("priority"),
   };
 }
 
@@ -57,6 +71,7 @@ function fill(asked) {
   }
   const values = [...asked.size, asked.seeds, ...asked.frames, asked.noise, asked.priority];
   NUMBERS.forEach((id, k) => { document.getElementById(id).value = values[k]; });
+  document.getElementById("references").value = written(asked.references);
 }
 
 form.addEventListener("input", count);

@@ -25,6 +25,20 @@ def test_one_context_a_process():
     assert device_string() == gl.context().info["GL_RENDERER"]
 
 
+def test_egl_is_asked_for_the_version_needed(monkeypatch):
+    gl.context()
+    from OpenGL import EGL
+
+    asked = []
+    monkeypatch.setattr(EGL, "eglCreateContext", lambda *arguments: asked.append(arguments))
+    recorder, pyrenders = EGL.eglCreateContext, np.array([0x3098, 4, 0x30FB, 1, 0x30FD, 1, 0x3038])
+    with gl._version_asked():
+        EGL.eglCreateContext("display", "config", None, pyrenders)
+    assert EGL.eglCreateContext is recorder
+    assert asked[0][:3] == ("display", "config", None)
+    assert list(asked[0][3]) == [0x3098, 4, 0x30FB, 3, 0x30FD, 1, 0x3038]
+
+
 def test_an_error_is_raised_by_the_name_of_its_pass():
     ctx = gl.context()
     gl.check(ctx, "before")

@@ -11,7 +11,6 @@ from renderers import get_method
 from renderers.gl.gbuffer import render_gbuffer
 from renderers.gl.programs import compute
 from renderers.gl.splat import splat
-from renderers.methods.flc import warm_up
 from renderers.scene.load import load_scene
 
 pytestmark = pytest.mark.gl
@@ -109,7 +108,7 @@ def test_sizes_that_tiles_do_not_divide_and_batches_change_nothing(monkeypatch):
 def test_warm_up_compiles_all_that_a_frame_runs(scene, family):
     loaded, method = load_scene(scene), get_method("flc")
     settings = method.resolve(loaded, method.Settings(vpls=64, family=family, backend="gl"), "llvmpipe")
-    warm_up(loaded.world(), settings)
+    method.warm_up(loaded.world(), settings)
     compiled = compute.cache_info().misses
     method.render(loaded, settings, size=(16, 9))
     assert compute.cache_info().misses == compiled

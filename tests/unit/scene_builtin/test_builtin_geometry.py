@@ -24,6 +24,7 @@ NEEDS = {
     "empty-room": {"diffuse", "point_light"},
     "furnace": {"diffuse", "area_light"},
     "gears": {"diffuse", "glossy", "area_light"},
+    "interior": {"diffuse", "glossy", "point_light", "animated_geometry", "animated_light"},
     "kite": {"diffuse", "glossy", "point_light", "animated_geometry"},
     "leaves": {"diffuse", "area_light"},
     "moving-light": {"diffuse", "point_light", "animated_light"},
@@ -126,7 +127,7 @@ def test_leaf_count_is_exact() -> None:
 
 
 def test_repeated_parts_are_instances() -> None:
-    for name, most in (("colonnade", 40), ("gears", 30), ("leaves", 10), ("bouncing-spheres", 25)):
+    for name, most in (("colonnade", 40), ("gears", 30), ("leaves", 10), ("bouncing-spheres", 25), ("interior", 30)):
         scene = load_scene(name)
         placed = sum(len(n.meshes) for n in scene.nodes)
         assert len(scene.meshes) < most < placed

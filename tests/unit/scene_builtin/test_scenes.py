@@ -155,6 +155,7 @@ def test_gears_mesh_without_overlap_while_turning(frame: int) -> None:
         ("cube-in-a-box", ["cube"], "floor"),
         ("kite", ["kite", "tail 8"], "tiles"),
         ("bouncing-spheres", ["sphere 0", "sphere 65"], "floor"),
+        ("interior", ["ball", "top", "lamp"], "table"),
     ],
 )
 def test_animation_moves_what_it_should(name: str, moving: list[str], still: str) -> None:
@@ -182,7 +183,20 @@ def test_loops_close(name: str, frames: int) -> None:
     np.testing.assert_allclose(scene.world(0).positions, scene.world(frames).positions, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["cube-in-a-box", "kite", "bouncing-spheres"])
+def test_the_lamp_of_the_interior_rests_after_a_third_and_all_else_goes_on() -> None:
+    scene = load_scene("interior", frames=30)
+    lamps = [scene.world(frame).lights[0].position for frame in (9, 10, 11, 30)]
+    assert np.linalg.norm(lamps[1] - lamps[0]) > 1e-3
+    assert (lamps[1] == lamps[2]).all()
+    assert (lamps[1] == lamps[3]).all()
+    assert (scene.world(20).positions != scene.world(21).positions).any()
+
+
+def test_the_interior_has_more_than_100_thousand_triangles() -> None:
+    assert len(load_scene("interior").world(0).triangles) > 100_000
+
+
+@pytest.mark.parametrize("name", ["cube-in-a-box", "interior", "kite", "bouncing-spheres"])
 def test_moving_parts_stay_in_the_room(name: str) -> None:
     scene = load_scene(name)
     room = scene.world(0).positions

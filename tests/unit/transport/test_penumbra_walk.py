@@ -65,7 +65,8 @@ def test_slabs_batches_and_order_do_not_matter() -> None:
     surfaces = (plane(10, 0.2), sphere((0.3, -0.2, 6), 1.0))
     points = np.concatenate([np.random.default_rng(2).uniform(-1, 1, (9, 2)), np.zeros((9, 1))], axis=1)
     whole, *_ = constructed(surfaces, points, 24, 48, Construction(bias=0.02))
-    small = Construction(bias=0.02, memory=2 * 4 * 48 * 48 * 4)
+    # next to the least possible
+    small = Construction(bias=0.02, memory=1_250_000)
     for other in (constructed(surfaces, points, 24, 48, small)[0], constructed(surfaces, points[::-1], 24, 48, small)[0]):
         for name in ("start", "depth", "value"):
             np.testing.assert_array_equal(getattr(other, name), getattr(whole, name))

@@ -140,7 +140,7 @@ def test_frames_of_an_animated_scene_share_the_tree_of_what_stands_still(path: L
         world = scene.world(frame)
         together, alone = caster_of(world), RayCaster(world)
         assert (len(together._trees), len(alone._trees)) == (1 if path == "scale" and frame == 4 else 2, 1)
-        shared.add(id(together._trees[0]._scene))
+        shared.add(id(together._trees[0]._tree))
         found, expected = together.first_hit(origins, directions), alone.first_hit(origins, directions)
         assert len(np.unique(world.instance[found.triangle[found.triangle >= 0]])) == len(np.unique(world.instance))
         for a, b in zip(found, expected, strict=True):
