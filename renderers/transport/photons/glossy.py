@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import LAMBERT, World
 from renderers.transport.caching.bounces import albedo_of
-from renderers.transport.caching.incoming import ReflectedDirectLight, Seen
+from renderers.transport.caching.incoming import ReflectedDirectLight
 from renderers.transport.caching.records import Records
 from renderers.transport.hemispherical.basis import hemispherical_harmonics
 from renderers.transport.photons.density import FLAT_COS, SLAB_FLOOR, Points, points
@@ -33,6 +33,7 @@ from renderers.transport.photons.tree import Tree, build, nearest, within
 from renderers.transport.photons.walk import walk
 from renderers.transport.photons.zones import Recipe, Zones
 from renderers.transport.sampling import frame
+from renderers.transport.seen import Seen
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
