@@ -41,14 +41,14 @@ TIME_SCENES = ERROR_SCENES[:3]
 CASES: list[tuple[str, dict[str, Any]]] = [
     ("photon-map", {"photons": 400_000}),
     *(("pmic", {"photons": n}) for n in (100_000, 400_000, 1_600_000)),
-    *(("pmic", {"photons": 400_000, "a": a}) for a in (0.2, 0.5)),
+    *(("pmic", {"photons": 400_000, "a": a}) for a in (0.3, 0.5)),
 ]
 CURVES: dict[str, list[dict[str, Any]]] = {
     "pmic": [{"photons": n} for n in (25_000, 100_000, 400_000, 1_600_000)],
     "photon-map": [{"photons": n} for n in (25_000, 100_000, 400_000, 1_600_000)],
     "photon-map-final-gather": [{"rays": n} for n in (4, 16, 64)],
     "pt": [{"spp": n} for n in (4, 16, 64, 256)],
-    "rcs": [{"a": 0.3, "rays": 256}, {"a": 0.15, "rays": 1024}],
+    "rcs": [{"bounces": "all", "a": 0.3, "rays": 256}, {"bounces": "all", "a": 0.15, "rays": 1024}],
 }
 RADIANCE_PHOTONS, RADIANCE_OPTIONS = (12_500, 50_000, 200_000), "-ad 512 -aa 0.2 -as 0"
 

@@ -7,13 +7,18 @@ No ray and no rasterisation makes a record: the cost of one doesn't depend on th
 walk over the photons covers all of them; a view is then a G-buffer, splats and direct light. A pixel that no record reaches lies
 where no photon fell: `holes = fill` gives it a zone of its own, which grows up to a·r_max, and it is black if that holds no photon.
 
-Passes: photons (trace), tree, records (the walk), refine, in stage prepare since they serve any camera; gbuffer, direct, splat.
+Glossy surfaces have radiance records: λ_i = Σ_j Φ_j H_i(ω_j) / (A n·ω_j) in hemispherical harmonics, each photon aimed at where
+it came from, multiplied with the BRDF's coefficients as in `rcs`. Lobes that no order holds are traced. On curved surfaces A is
+counted, by points spread over the scene.
+
+Passes: photons (trace), tree, surface, records (the walk), radiance records, refine, in stage prepare since they serve any camera;
+gbuffer, direct, splat.
 
 | setting       | default   | unit | range                        | meaning                                                      |
 | ------------- | --------- | ---- | ---------------------------- | ------------------------------------------------------------ |
 | photons       | 400000    | 1    | 1 … 2²⁶                      | N_e, photons emitted                                         |
 | most_stored   | 2·10⁷     | 1    | 1 … 10⁸                      | tracing ends once so many are stored (68 bytes each)         |
-| a             | 0.3       | 1    | 0.01 … 1.4                   | accuracy: zones have radius a·R                              |
+| a             | 0.2       | 1    | 0.01 … 1.4                   | accuracy: zones have radius a·R                              |
 | knn           | 50        | 1    | 1 … 4096                     | K, photons of the first query                                |
 | n_min         | 50        | 1    | 1 … 4096                     | fewest photons of a zone: it grows until it holds them       |
 | gradients     | shrunk    |      | off, thresholded, shrunk     | noise rule of gradients                                      |
@@ -24,6 +29,10 @@ Passes: photons (trace), tree, records (the walk), refine, in stage prepare sinc
 | rounds        | 1         | 1    | 1 … 4096                     | progressive refinement: so many times N_e photons            |
 | holes         | fill      |      | fill, black                  | pixels without a record                                      |
 | records       | walk      |      | walk, pixels, gather         | cached; one at every pixel; none: final gathering            |
+| glossy        | records   |      | records, diffuse             | glossy surfaces by radiance records, or as diffuse ones      |
+| glossy_a      | 0.15      | 1    | 0.01 … 1                     | accuracy of radiance records: they reach glossy_a·R          |
+| harmonics     | auto      | 1    | 2 … 16                       | order of radiance records; auto: by material, up to 12       |
+| lobe_rays     | 64        | 1    | 1 … 4096                     | rays a pixel of lobes too sharp for records                  |
 | gather_rays   | 256       | 1    | 1 … 65536                    | rays a pixel of records = gather                             |
 | light_samples | 16        | 1    | 1 … 4096                     | samples of area lights and sky per pixel                     |
 | subpixels     | 1         | 1    | 1 … 8                        | k: average k×k G-buffers, with common records                |
@@ -36,13 +45,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-import numpy as np
-
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Transport, register, setting
 from renderers.methods.photon_map import PhotonSettings, add_picture, layered, traced_map
 from renderers.methods.photon_map import warm_up as warm_up_photons
-from renderers.methods.rcs import albedos
 from renderers.scene.model import Scene
 from renderers.scene.world import World, WorldCamera
 
@@ -50,6 +56,7 @@ if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.photons.density import F64
     from renderers.transport.photons.map import PhotonMap
+    from renderers.transport.photons.view import Built
     from renderers.transport.photons.walk import Cache
     from renderers.transport.photons.zones import Recipe
 
@@ -61,7 +68,7 @@ class PmicSettings(PhotonSettings):
     """Settings of photon-mapped irradiance caching."""
 
     photons: int = setting(400_000, "N_e, photons emitted", source="Gautron 2006 §6.6", ge=1, le=1 << 26)
-    a: float = setting(0.3, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 6.1", ge=0.01, le=1.4)
+    a: float = setting(0.2, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 6.1", ge=0.01, le=1.4)
     knn: int = setting(50, "K, photons of the first query", source="Gautron 2006 §6.4.1", ge=1, le=4096)
     n_min: int = setting(50, "fewest photons of a zone: it grows until it holds them", ge=1, le=4096)
     gradients: Literal["off", "thresholded", "shrunk"] = setting(
@@ -90,6 +97,14 @@ class PmicSettings(PhotonSettings):
         "cached records; one at every pixel, which leaves out the error of interpolation; or none: final gathering from the same "
         "photons, which leaves out that of the density estimate too",
     )
+    glossy: Literal["records", "diffuse"] = setting(
+        "records", "glossy surfaces by radiance records, or as diffuse ones of the same mean albedo", source="Gautron 2006 §4.4"
+    )
+    glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
+    harmonics: int | None = setting(
+        None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
+    )
+    lobe_rays: int = setting(64, "rays a pixel of lobes too sharp for records", ge=1, le=4096)
     gather_rays: int = setting(256, "rays a pixel of records = gather", source="Jensen 1996", ge=1, le=65536)
 
 
@@ -102,8 +117,8 @@ class PhotonMappedIrradianceCaching(Method):
     Settings = PmicSettings
     claims: ClassVar = {
         "diffuse": Claim("approximated", "indirect light is the mean over photon zones, interpolated between records"),
-        "glossy": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
-        "specular": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
+        "glossy": Claim("approximated", "indirect light comes from radiance records made of photons; sharper lobes are traced"),
+        "specular": Claim("approximated", "lobes are traced by a few rays a pixel, what they hit reflects as diffuse"),
     }
 
     def transport(self, settings: Any) -> Transport:
@@ -116,29 +131,41 @@ class PhotonMappedIrradianceCaching(Method):
             from renderers.methods.photon_map_final_gather import gathered
 
             return gathered(world, settings, settings.gather_rays, max(settings.knn, 2), GATHER_RADIUS, context)
-        photons, cache = self.cached(world, settings, context, counters)
-        layers = shown(world, photons, cache, settings, context, counters)
-        notes = photons.notes + dark_notes(photons, counters)
-        captions = add_pictures(layers, world, photons, cache, context)
+        built = self.built(world, settings, context, counters)
+        layers = shown(world, built, settings, context, counters)
+        notes = built.photons.notes + notes_of(built.photons, settings, counters)
+        captions = add_pictures(layers, world, built.photons, built.cache, context)
         return Frame(layers, context.watch.timings, dict(sorted(counters.items())), notes=notes, captions=captions)
 
-    def cached(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> tuple[PhotonMap, Cache]:
+    def built(self, world: World, settings: Any, context: Context, counters: Counter[str]) -> Built:
         """Photon map and records of a world: all that doesn't depend on the camera."""
+        from renderers.transport.caching.glossy import warm_up as prepare_turns
+        from renderers.transport.caching.reflectance import gloss_of
+        from renderers.transport.photons.glossy import radiance_records
+        from renderers.transport.photons.refine import refined
+        from renderers.transport.photons.surface import surface_of
+        from renderers.transport.photons.view import Built
         from renderers.transport.photons.walk import walk
 
-        watch = context.watch
+        watch, radiance = context.watch, None
         with watch("warm-up", "prepare"):
             warm_up(world)
+            gloss = gloss_of(world, settings.harmonics) if settings.glossy == "records" else None
+            if gloss is not None and gloss.order:
+                prepare_turns(gloss.order)
         photons = traced_map(world, settings, context.seed, False, watch, counters, "prepare")
+        with watch("surface", "prepare"):
+            photons = replace(photons, surface=surface_of(world, len(photons)))
         with watch("records", "prepare"):
             recipe = recipe_of(world, photons, settings)
             cache = walk(world, photons, recipe, counters=counters)
+        if gloss is not None and gloss.order:
+            with watch("radiance records", "prepare"):
+                radiance = radiance_records(world, photons, recipe, settings.glossy_a, gloss.order, counters)
         if settings.rounds > 1:
-            from renderers.transport.photons.refine import refined
-
             with watch("refine", "prepare"):
                 cache = refined(world, photons, cache, recipe.estimator, context.seed, settings.rounds, counters)
-        return photons, cache
+        return Built(world, photons, cache, recipe, gloss, radiance)
 
     def walkthrough(
         self, scene: Scene, settings: Any, cameras: Sequence[WorldCamera], *, size: tuple[int, int] = (320, 180), seed: int = 0
@@ -155,11 +182,11 @@ class PhotonMappedIrradianceCaching(Method):
         self.check(scene)
         world, counters = scene.world(0), Counter[str]()
         context = Context(size, seed, 0, Stopwatch())
-        photons, cache = self.cached(world, settings, context, counters)
+        built = self.built(world, settings, context, counters)
         frames = []
         for camera in cameras:
-            layers = shown(replace(world, camera=camera), photons, cache, settings, context, counters)
-            frames.append(Frame(layers, context.watch.timings, dict(sorted(counters.items())), notes=photons.notes))
+            layers = shown(replace(world, camera=camera), built, settings, context, counters)
+            frames.append(Frame(layers, context.watch.timings, dict(sorted(counters.items())), notes=built.photons.notes))
             context, counters = Context(size, seed, 0, Stopwatch()), Counter[str]()
         return frames
 
@@ -177,41 +204,17 @@ def recipe_of(world: World, photons: PhotonMap, settings: Any) -> Recipe:
     )  # fmt: skip
 
 
-def shown(
-    world: World, photons: PhotonMap, cache: Cache, settings: Any, context: Context, counters: Counter[str]
-) -> dict[str, Any]:
-    """Layers of one view of a cache."""
-    from renderers.transport.caching.splat import Canvas
+def shown(world: World, built: Built, settings: Any, context: Context, counters: Counter[str]) -> dict[str, Any]:
+    """Layers of one view of what was built; world: with the view's camera."""
+    from renderers.transport.photons.view import Viewing, indirect_light
+
+    splatted = settings.records == "walk"
+    how = Viewing(splatted, settings.holes == "fill" or not splatted, settings.glossy_a, settings.lobe_rays)
 
     def indirect(gbuffer: GBuffer, seed: int) -> F64:
-        albedo = albedos(world, gbuffer)
-        canvas = Canvas.of(gbuffer, albedo.max(axis=2) > 0)
-        if settings.records == "pixels":
-            irradiance, missed = np.zeros((len(canvas), 3)), np.ones(len(canvas), bool)
-        else:
-            canvas.add(cache.records, settings.a, gradients=settings.gradients != "off", counters=counters)
-            irradiance, missed = canvas.irradiance.astype(np.float64), canvas.missed
-        counters["pixels_missed"] += int(np.count_nonzero(missed))
-        if missed.any() and (settings.holes == "fill" or settings.records == "pixels"):
-            irradiance[missed] = filled(world, gbuffer, photons, canvas.rows[missed], settings, counters)
-        image = np.zeros((gbuffer.triangle.size, 3))
-        image[canvas.rows] = irradiance * albedo.reshape(-1, 3)[canvas.rows] / np.pi
-        return image.reshape(*gbuffer.triangle.shape, 3)
+        return indirect_light(built, how, gbuffer, seed, counters)
 
     return layered(world, settings, context, counters, indirect, "splat")
-
-
-def filled(world: World, gbuffer: GBuffer, photons: PhotonMap, rows: Any, settings: Any, counters: Counter[str]) -> F64:
-    """Irradiance of pixels (flat indices) from zones of their own, which grow up to a · r_max; 0 where those hold no photon."""
-    from renderers.transport.photons.density import points
-    from renderers.transport.photons.zones import Zones, fill_zones
-
-    position, normal = gbuffer.position.reshape(-1, 3)[rows], gbuffer.normal.reshape(-1, 3)[rows]
-    where, zones, p = points(world, position, normal, gbuffer.triangle.ravel()[rows]), Zones.empty(len(rows)), photons.photons
-    none = np.full(len(rows), -1, np.int64)
-    fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, none, recipe_of(world, photons, settings), zones)
-    counters["pixels_without_photons"] += int(np.count_nonzero(zones.photons == 0))
-    return zones.irradiance
 
 
 def add_pictures(layers: dict[str, Any], world: World, photons: PhotonMap, cache: Cache, context: Context) -> dict[str, str]:
@@ -225,12 +228,16 @@ def add_pictures(layers: dict[str, Any], world: World, photons: PhotonMap, cache
     return captions | {"debug.records": RECORD_CAPTION}
 
 
-def dark_notes(photons: PhotonMap, counters: Counter[str]) -> tuple[str, ...]:
-    """Why pixels are black that no photon reached."""
+def notes_of(photons: PhotonMap, settings: Any, counters: Counter[str]) -> tuple[str, ...]:
+    """Why pixels are black that no photon reached, and how many have traced lobes."""
     if not len(photons):
         return ("no light reaches a surface after a reflection: there is no indirect light",)
-    dark = counters["pixels_without_photons"]
-    return (f"{dark} pixels have no photon within the largest zone: their indirect light is black",) if dark else ()
+    notes = []
+    if dark := counters["pixels_without_photons"]:
+        notes.append(f"{dark} pixels have no photon within the largest zone: their indirect light is black")
+    if traced := counters["pixels_traced"]:
+        notes.append(f"{traced} pixels have lobes too sharp for radiance records and were traced, {settings.lobe_rays} rays each")
+    return tuple(notes)
 
 
 def warm_up(world: World) -> None:

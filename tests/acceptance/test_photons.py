@@ -31,7 +31,7 @@ from renderers.transport.photons.hull import CORRECTED, DISC, hull_area, sampled
 from renderers.transport.photons.map import PhotonMap, photon_map
 from renderers.transport.photons.picture import photon_picture, pixels_of, record_picture
 from renderers.transport.photons.tracing import Photons, trace
-from renderers.transport.photons.zones import Recipe, Zones, fill_zones
+from renderers.transport.photons.zones import Recipe, zones_of
 from renderers.transport.primary import cast_gbuffer
 
 RNG = np.random.default_rng(20061)
@@ -254,10 +254,8 @@ def test_h12_a_photon_leaves_itself_out() -> None:
     n = np.pi * 0.01**2 * 100_000  # 31 photons in the mean
 
     def mean(own: np.ndarray) -> float:
-        zones = Zones.empty(len(inner))
-        where = p.position[inner].astype(float), p.normal[inner].astype(float), np.full(len(inner), 0.02)
-        how = Recipe(0.3, 1e-3, 1.0, 50, 8, DISC, 0, 500, 8, 24)
-        fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, own, how, zones)
+        where = Points(p.position[inner].astype(float), p.normal[inner].astype(float), np.full(len(inner), 0.02))
+        zones = zones_of(photons, where, own, Recipe(0.3, 1e-3, 1.0, 50, 8, DISC, 0, 500, 8, 24))
         return float(zones.irradiance[:, 0].mean())
 
     assert mean(np.full(len(inner), -1)) == pytest.approx(1 + 1 / n, abs=0.01)

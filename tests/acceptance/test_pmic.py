@@ -16,11 +16,11 @@ import renderers
 from renderers.methods.pmic import PhotonMappedIrradianceCaching, PmicSettings
 from renderers.scene.world import World, WorldCamera
 from renderers.transport.photons.cells import cell_sums, gradients_of
-from renderers.transport.photons.density import points
+from renderers.transport.photons.density import Points, points
 from renderers.transport.photons.map import PhotonMap, photon_map
 from renderers.transport.photons.tracing import trace
 from renderers.transport.photons.walk import smallest_radius, walk
-from renderers.transport.photons.zones import GRADIENTS, Recipe, Zones, fill_zones
+from renderers.transport.photons.zones import GRADIENTS, Recipe, zones_of
 from renderers.transport.raycast import caster_of
 from renderers.transport.sampling import cosine_hemisphere, frame, lattice
 
@@ -245,12 +245,9 @@ def test_a25_same_bytes_at_any_thread_count() -> None:
 def test_zones_of_uniform_light_hold_its_irradiance() -> None:
     photons = on_plane(RNG.random((200_000, 2)), distance=0.2)
     inner = np.flatnonzero((np.abs(photons.photons.position[:, :2] - 0.5) < 0.4).all(axis=1))[::100]
-    zones = Zones.empty(len(inner))
     p = photons.photons
-    fill_zones(
-        photons.tree, p.distance, p.direction, p.flux, p.position[inner].astype(float), p.normal[inner].astype(float),
-        np.full(len(inner), 0.02), inner, recipe(), zones,
-    )  # fmt: skip
+    where = Points(p.position[inner].astype(float), p.normal[inner].astype(float), np.full(len(inner), 0.02))
+    zones = zones_of(photons, where, inner, recipe())
     assert zones.radius == pytest.approx(np.full(len(inner), 0.2), rel=1e-5)
     assert zones.irradiance[:, 0].mean() == pytest.approx(1.0, abs=0.005)
     n = 200_000 * np.pi * (0.3 * 0.2) ** 2

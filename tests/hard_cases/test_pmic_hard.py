@@ -16,7 +16,7 @@ from renderers.transport.photons.density import Points, irradiance, lookup
 from renderers.transport.photons.map import PhotonMap, photon_map
 from renderers.transport.photons.tracing import trace
 from renderers.transport.photons.walk import Cache, smallest_radius, walk
-from renderers.transport.photons.zones import GRADIENTS, Recipe, Zones, fill_zones
+from renderers.transport.photons.zones import GRADIENTS, Recipe, Zones, zones_of
 
 METHOD = PhotonMappedIrradianceCaching()
 SIZE = (24, 18)
@@ -30,10 +30,8 @@ def recipe(a: float = 0.3, smallest: float = 0.01, gradients: str = "off") -> Re
 
 def zone(photons: PhotonMap, place: tuple[float, float, float], normal: tuple[float, float, float], made_by: Recipe) -> Zones:
     """One zone that is no photon's own."""
-    zones, p = Zones.empty(1), photons.photons
-    where = np.array([place], float), np.array([normal], float), np.full(1, 0.02)
-    fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, np.full(1, -1), made_by, zones)
-    return zones
+    where = Points(np.array([place], float), np.array([normal], float), np.full(1, 0.02))
+    return zones_of(photons, where, np.full(1, -1), made_by)
 
 
 def image(scene: Scene, seed: int = 1, **settings: object) -> np.ndarray:

@@ -21,6 +21,7 @@ from renderers.transport.brdf import Materials
 from renderers.transport.kernels import shade
 from renderers.transport.photons.hull import CORRECTED, DISC, HULL, sampled_area
 from renderers.transport.photons.map import PhotonMap
+from renderers.transport.photons.surface import curved
 from renderers.transport.photons.tree import nearest, within
 
 F64 = NDArray[np.float64]
@@ -57,12 +58,6 @@ def points(world: World, position: NDArray[np.floating], normal: NDArray[np.floa
     """Points (P, 3) on `triangle` (P,) of a World: on curved surfaces neighbours may leave the tangent plane, on flat ones not."""
     slab = np.where(curved(world)[triangle], CURVED_SLAB, FLAT_SLAB)
     return Points(np.ascontiguousarray(position, np.float64), np.ascontiguousarray(normal, np.float64), slab)
-
-
-def curved(world: World) -> NDArray[np.bool_]:
-    """Triangles with a vertex normal that isn't the face's (by more than 0.6°), bool (T,)."""
-    cosine = np.einsum("tvc,tc->tv", world.normals[world.triangles].astype(np.float64), world.face_normals)
-    return np.asarray((np.abs(cosine) < np.cos(0.01)).any(axis=1))
 
 
 def irradiance(photons: PhotonMap, where: Points, how: Lookup) -> F64:

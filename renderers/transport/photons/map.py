@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from renderers.images import write_exr
 from renderers.scene.world import World
+from renderers.transport.photons.surface import UNMEASURED, Surface
 from renderers.transport.photons.tracing import Photons, Traced
 from renderers.transport.photons.tree import Tree, build
 
@@ -20,7 +21,10 @@ EXR_WIDTH = 1024
 
 @dataclass(frozen=True, eq=False)
 class PhotonMap:
-    """Photons in tree order. order int64 (N,): row of each in tracing order; emitted: N_e; flux (3,): emitted, W."""
+    """Photons in tree order. order int64 (N,): row of each in tracing order; emitted: N_e; flux (3,): emitted, W.
+
+    surface: points that measure area, where records are to be made on curved surfaces.
+    """
 
     photons: Photons
     tree: Tree
@@ -28,6 +32,7 @@ class PhotonMap:
     emitted: int
     flux: NDArray[np.float64]
     notes: tuple[str, ...] = ()
+    surface: Surface = UNMEASURED
 
     def __len__(self) -> int:
         """Number of photons."""
@@ -35,8 +40,12 @@ class PhotonMap:
 
     @cached_property
     def bytes(self) -> int:
-        """Memory of photons and tree."""
-        columns = (*self.photons, self.order, self.tree.axis, self.tree.value)
+        """Memory of photons, tree and surface points."""
+        points = self.surface.tree
+        columns = (
+            *self.photons, self.order, self.tree.axis, self.tree.value,
+            points.axis, points.value, points.positions, points.normals,
+        )  # fmt: skip
         return int(sum(column.nbytes for column in columns))
 
     def columns(self, world: World) -> dict[str, NDArray[Any]]:

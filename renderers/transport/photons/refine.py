@@ -6,8 +6,9 @@ Knaus & Zwicker (2011): independent rounds of photons, each estimated within
 
 and averaged. The variance of the mean falls as i^-α and its bias (r² ΔE/8) as i^-(1-α): both vanish, with memory for one round.
 Rounds are joined as Σ flux / Σ area, which keeps the mean of 1/A out of it. A zone that has become too small for its hull to say
-much keeps the share of the disc that its surface filled when last seen by ENOUGH photons. Places, R and gradients of the records
-stay: what remains is the error of interpolation.
+much keeps the share of the disc that its surface filled when last seen by ENOUGH photons. The tilt √(1 - n·n_i) that a zone takes
+in shrinks with r down to that of FLAT_COS. Places, R and gradients of the records stay, and the light of radiance
+records: what remains is the error of interpolation.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ import numba
 import numpy as np
 
 from renderers.scene.world import World
-from renderers.transport.photons.density import FLAT_COS, SLAB_FLOOR, points, projected_area
+from renderers.transport.photons.density import FLAT_COS, SLAB_FLOOR, points
 from renderers.transport.photons.map import PhotonMap, photon_map
 from renderers.transport.photons.tracing import trace
 from renderers.transport.photons.tree import within
 from renderers.transport.photons.walk import Cache
+from renderers.transport.photons.zones import tangents_of, zone_area
 
 ALPHA = 0.7
 ENOUGH = 20
@@ -41,22 +43,26 @@ def refined(
     records, p = cache.records, photons.photons
     where = points(world, records.position, records.normal, p.triangle[cache.photon])
     radius2, area = cache.zones.reach**2, cache.zones.area.copy()
-    flux, share = records.irradiance * area[:, None], area / (np.pi * radius2)
+    flux, share, first = records.irradiance * area[:, None], area / (np.pi * radius2), radius2
     for k in range(1, rounds):
         radius2 = radius2 * (k + ALPHA) / (k + 1)
+        cosine = np.minimum(FLAT_COS, 1 - (1 - cache.zones.cosine) * radius2 / first)
         more = photon_map(trace(world, photons.emitted, seed, first=k * photons.emitted, counters=counters))
-        _add_round(more.tree, more.photons.flux, *where, np.sqrt(radius2), estimator, share, flux, area)
+        _add_round(
+            more.tree, *photons.surface, more.photons.flux, *where, np.sqrt(radius2), cosine, estimator, share, flux, area
+        )  # fmt: skip
     return cache._replace(records=replace(records, irradiance=flux / area[:, None]))
 
 
 @numba.njit(parallel=True, cache=True)
-def _add_round(tree, power, positions, normals, slabs, radii, estimator, share, flux, area):  # type: ignore[no-untyped-def]
+def _add_round(tree, ground, measure, power, positions, normals, slabs, radii, cosines, estimator, share, flux, area):  # type: ignore[no-untyped-def]
     """Add one round to flux (C, 3) and area (C,); share (C,): of the disc that a place's surface fills, kept up to date."""
     for i in numba.prange(len(positions)):
         p, n, r = positions[i], normals[i], radii[i]
-        rows, count = within(tree, p, n, r, FLAT_COS, slabs[i] * r + SLAB_FLOOR, np.empty(256, np.int64))
+        rows, count = within(tree, p, n, r, cosines[i], slabs[i] * r + SLAB_FLOOR, np.empty(256, np.int64))
         if count >= ENOUGH:
-            share[i] = projected_area(tree, p, n, rows, count, r, estimator) / (np.pi * r * r)
+            found, _ = zone_area(tree, ground, measure, p, n, tangents_of(n), slabs[i], rows, count, r, cosines[i], estimator)
+            share[i] = found / (np.pi * r * r)
         area[i] += share[i] * np.pi * r * r
         for j in rows[:count]:
             for c in range(3):

@@ -21,7 +21,7 @@ from renderers.transport.caching.records import Records
 from renderers.transport.photons.density import points
 from renderers.transport.photons.map import PhotonMap
 from renderers.transport.photons.tree import within
-from renderers.transport.photons.zones import Recipe, Zones, fill_zones
+from renderers.transport.photons.zones import Recipe, Zones, zones_of
 
 BATCH = 64
 FEWEST_IN_ZONE = 8
@@ -35,10 +35,20 @@ class Cache(NamedTuple):
     photon: NDArray[np.int64]
 
 
-def walk(world: World, photons: PhotonMap, recipe: Recipe, batch: int = BATCH, counters: Counter[str] | None = None) -> Cache:
-    """Records for all photons of a map. counters: `records`, and `zones` worked out (those passed over included)."""
+def walk(
+    world: World,
+    photons: PhotonMap,
+    recipe: Recipe,
+    batch: int = BATCH,
+    counters: Counter[str] | None = None,
+    a: float | None = None,
+    among: NDArray[np.bool_] | None = None,
+) -> Cache:
+    """Records for all photons of a map, or for those `among` (N,) them. counters: `records`, and `zones` worked out (those passed
+    over included). a: accuracy at which records cover photons, the recipe's unless said otherwise."""
     p, tree = photons.photons, photons.tree
-    covered = np.zeros(len(photons), bool)
+    covered = np.zeros(len(photons), bool) if among is None else ~among
+    accuracy = recipe.a if a is None else a
     visiting = np.argsort(photons.order)
     kept: list[tuple[Zones, NDArray[np.int64]]] = []
     start, worked = 0, 0
@@ -48,7 +58,7 @@ def walk(world: World, photons: PhotonMap, recipe: Recipe, batch: int = BATCH, c
             break
         worked += len(chosen)
         zones = zones_at(world, photons, recipe, chosen)
-        entered = enter(tree, p.position[chosen], p.normal[chosen], zones.radius, chosen, recipe.a, covered)
+        entered = enter(tree, p.position[chosen], p.normal[chosen], zones.radius, chosen, accuracy, covered)
         kept.append((Zones(*(column[entered] for column in zones)), chosen[entered]))
     empty = Zones.empty(0)
     zones = Zones(*(np.concatenate(columns) for columns in zip(*(z for z, _ in kept), strict=True))) if kept else empty
@@ -62,10 +72,7 @@ def walk(world: World, photons: PhotonMap, recipe: Recipe, batch: int = BATCH, c
 def zones_at(world: World, photons: PhotonMap, recipe: Recipe, rows: NDArray[np.int64]) -> Zones:
     """Zones of places that are photons of the map, rows (C,)."""
     p = photons.photons
-    where = points(world, p.position[rows], p.normal[rows], p.triangle[rows])
-    zones = Zones.empty(len(rows))
-    fill_zones(photons.tree, p.distance, p.direction, p.flux, *where, rows, recipe, zones)
-    return zones
+    return zones_of(photons, points(world, p.position[rows], p.normal[rows], p.triangle[rows]), rows, recipe)
 
 
 def records_of(zones: Zones, position: NDArray[np.float32], normal: NDArray[np.float32]) -> Records:

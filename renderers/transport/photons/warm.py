@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from functools import cache
 
+import numpy as np
+
 from renderers.scene.builder import SceneBuilder
 from renderers.scene.model import Lambert, PointLight
 from renderers.scene.world import World
 from renderers.transport.photons.density import irradiance, lookup, points, reflected
+from renderers.transport.photons.glossy import value_of_nearest
 from renderers.transport.photons.hull import CORRECTED
 from renderers.transport.photons.map import photon_map
 from renderers.transport.photons.pixels import gatherers
@@ -37,4 +40,5 @@ def warm_up() -> None:
     where = points(world, pixels.position, pixels.normal, gbuffer.triangle.ravel()[pixels.row])
     irradiance(photons, where, lookup(4, 0.5, "corrected"))
     walk(world, photons, Recipe(0.3, 0.1, 1.0, 8, 4, CORRECTED, SHRUNK, 2, 4, 8))
+    value_of_nearest(photons.tree, np.zeros((len(photons), 3)), where.position, where.normal, np.zeros_like(where.position))
     reflected(photons, where, pixels.view, pixels.materials, lookup(4, 0.5, "disc"))
