@@ -7,6 +7,7 @@ the folder), on a ground that receives only. Prints medians or single runs.
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from collections import Counter
@@ -145,17 +146,23 @@ def equal_time(name: str, size: tuple[int, int] = (160, 112)) -> None:
         )
 
 
+PARTS: dict[str, Callable[[Stage], None]] = {
+    "build": construction, "size": compression, "memory": memory, "threads": threads, "lookup": lookups,
+    "equal-time": lambda stage: equal_time("leaves"),
+}  # fmt: skip
+
+
 def main() -> None:
     """Every part, or those named."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", nargs="*", help=", ".join(PARTS))
+    asked = parser.parse_args().part or list(PARTS)
+    if unknown := set(asked) - set(PARTS):
+        parser.error(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
     stage = stage_of(scanned_model(Bench(lambda line: None)))
     print(stage.name)
-    parts: dict[str, Callable[[], None]] = {
-        "build": lambda: construction(stage), "size": lambda: compression(stage), "memory": lambda: memory(stage),
-        "threads": lambda: threads(stage),
-        "lookup": lambda: lookups(stage), "equal-time": lambda: equal_time("leaves"),
-    }  # fmt: skip
-    for name in sys.argv[1:] or parts:
-        parts[name]()
+    for name in asked:
+        PARTS[name](stage)
 
 
 if __name__ == "__main__":

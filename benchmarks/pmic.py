@@ -5,6 +5,7 @@ Run on an idle machine: `python -m benchmarks.pmic`. Medians of three repeats; w
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -67,13 +68,16 @@ def records(world: World, label: str, emitted: int) -> None:
 
 def main() -> None:
     """Print one line a case."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--photons", type=int, default=500_000, help="emitted")
+    photons = parser.parse_args().photons
     world = renderers.load_scene("cornell-box").world()
     warm_up(world)
-    records(world, "cornell-box", 500_000)
+    records(world, "cornell-box", photons)
     finer = world
     for _ in range(4):
         finer = split(finer)
-    records(finer, "cornell-box, every triangle in 256", 500_000)
+    records(finer, "cornell-box, every triangle in 256", photons)
     scene, method = renderers.load_scene("cornell-box"), PhotonMappedIrradianceCaching()
     frames = method.walkthrough(scene, None, [world.camera] * 4, size=(1280, 720))
     for timing in frames[-1].timings:

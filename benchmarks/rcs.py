@@ -4,8 +4,8 @@ Run: `python -m benchmarks.rcs [--out FOLDER] [--part equal-time|records|glossy|
 
 Error is RMSE of the indirect layer over its mean, linear radiance, all pixels and channels, against two independent path-traced
 halves, whose noise, known from their difference, is subtracted. `pt` has no indirect layer: its direct light, drawn exactly, is
-subtracted. Cost is CPU seconds of the render stage, all threads. `pt` is unbiased, so its error falls as 1/√seconds: where its line
-meets that of `rcs` is the crossover, printed as the seconds and the paths a pixel that `pt` needs for the same error.
+subtracted. Cost is CPU seconds of the render stage, all threads. Beside each row of `rcs` stand the seconds that `pt` needs for the
+same error: read off its own measured curve, which is steeper than noise without fireflies, and beyond its ends by 1/√seconds.
 
 `orders` needs no picture: incoming radiance at points of the glossy box by 12,800 cells each, cosine-weighted Phong lobes seen
 from 0°, 30° and 60°. `error` is the RMS over points and views of what n² coefficients reflect against the same cells summed
@@ -42,11 +42,11 @@ from renderers.transport.primary import cast_gbuffer
 
 Image = NDArray[np.float64]
 SEED, HALF = 1, 1024
-INTERIORS = ("empty-room", "cube-in-a-box", "cornell-box", "colonnade")
+INTERIORS = ("empty-room", "cube-in-a-box", "cornell-box", "moving-light", "colonnade")
 BEST: dict[str, Any] = {"placement": "hessian", "footprint": 3.0}
 CURVE = [{"a": 0.6, "rays": 256}, {"a": 0.4, "rays": 512}, {"a": 0.3, "rays": 1024}, {"a": 0.2, "rays": 2048},
          {"a": 0.15, "rays": 4096}, {"a": 0.1, "rays": 8192}]  # fmt: skip
-PATHS = (4, 16, 64, 256)
+PATHS = (4, 16, 64, 256, 1024)
 ACCURACIES = (0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07)
 GLOSSY: dict[str, dict[str, Any]] = {
     "records": {}, "traced, 64 rays": {"harmonics": 2, "lobe_rays": 64}, "traced, 256 rays": {"harmonics": 2, "lobe_rays": 256},
@@ -95,24 +95,32 @@ def seconds(frame: Frame, *names: str) -> float:
 
 
 def equal_time(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
-    """(scene, curve, settings, CPU seconds, error, of `rcs`: seconds and paths of `pt` for the same error)."""
+    """(scene, curve, settings, CPU seconds, error, of `rcs`: seconds of `pt` for the same error)."""
     for name in INTERIORS:
         scene = renderers.load_scene(name)
         truth = Truth.of(scene, size)
-        noise, rate = list[float](), 0.0
+        costs, errors = list[float](), list[float]()
         for kind in ("pt", "rcs"):
             for values in [{"transport": "one-bounce", "spp": n} for n in PATHS] if kind == "pt" else [BEST | c for c in CURVE]:
                 rendered(scene, kind, (16, 12), **values)
                 frame = rendered(scene, kind, size, **values)
                 cost, error = seconds(frame), truth.error(frame)
                 if kind == "pt":
-                    noise.append(error * np.sqrt(values["spp"]))
-                    rate = cost / values["spp"]
-                    yield name, kind, f"spp={values['spp']}", round(cost, 3), round(error, 4), "", ""
+                    costs.append(cost)
+                    errors.append(error)
+                    yield name, kind, f"spp={values['spp']}", round(cost, 3), round(error, 4), ""
                 else:
-                    needed = (float(np.mean(noise)) / error) ** 2
-                    text = f"a={values['a']} rays={values['rays']}"
-                    yield name, kind, text, round(cost, 3), round(error, 4), round(needed * rate, 3), round(needed)
+                    needed = seconds_for(error, costs, errors)
+                    yield name, kind, f"a={values['a']} rays={values['rays']}", round(cost, 3), round(error, 4), round(needed, 3)
+
+
+def seconds_for(error: float, costs: list[float], errors: list[float]) -> float:
+    """Where a curve of falling errors meets `error`: on straight lines in logarithms, beyond its ends by slope -1/2."""
+    if error >= errors[0] or error <= errors[-1]:
+        end = 0 if error >= errors[0] else -1
+        return costs[end] * (errors[end] / error) ** 2
+    falling = np.minimum.accumulate(errors)[::-1]
+    return float(np.exp(np.interp(np.log(error), np.log(falling), np.log(costs[::-1]))))
 
 
 def records(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
@@ -190,7 +198,7 @@ def splat(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
 
 
 PARTS = {
-    "equal-time": (equal_time, ("scene", "curve", "settings", "cpu_s", "error", "pt_cpu_s", "pt_spp")),
+    "equal-time": (equal_time, ("scene", "curve", "settings", "cpu_s", "error", "pt_cpu_s")),
     "records": (records, ("scene", "placement", "a", "records", "error", "slope")),
     "glossy": (glossy, ("scene", "way", "radiance_records", "extra_cpu_s", "error")),
     "orders": (orders, ("exponent", "order", "error", "ringing_percent")),

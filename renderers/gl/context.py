@@ -25,12 +25,14 @@ class GLError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Device:
-    """What the process draws with. `renderer` is pyrender's, which owns vertex data; `zero_to_one`: clip space depth is [0, 1].
+    """What the process draws with. `renderer` is that of the module `pyrender` and owns vertex data; `zero_to_one`: clip depth is
+    [0, 1].
 
     `idle`: a framebuffer to bind before another one is deleted, since moderngl goes back to the bound one after making a new one.
     """
 
     ctx: Any
+    pyrender: Any
     offscreen: Any
     idle: Any
     zero_to_one: bool
@@ -122,7 +124,7 @@ def _create() -> Device:
         ) from error
     ctx.gc_mode = "context_gc"
     idle = ctx.framebuffer([ctx.texture((1, 1), 4)])
-    return Device(ctx, offscreen, idle, _use_zero_to_one(loader, ctx), (os.getpid(), threading.get_ident()))
+    return Device(ctx, pyrender, offscreen, idle, _use_zero_to_one(loader, ctx), (os.getpid(), threading.get_ident()))
 
 
 @contextmanager

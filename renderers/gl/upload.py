@@ -85,9 +85,7 @@ def upload(world: World) -> Uploaded:
 @cache
 def _scene() -> Any:
     """The pyrender scene whose meshes are the uploaded Worlds, one node each."""
-    import pyrender
-
-    return pyrender.Scene()
+    return device().pyrender.Scene()
 
 
 def _pyrender_node(world: World) -> Any:
@@ -95,8 +93,7 @@ def _pyrender_node(world: World) -> Any:
 
     A World without triangles gets one of zero area.
     """
-    import pyrender
-
+    pyrender = device().pyrender
     scene, kept = _scene(), {uploaded.node for uploaded in _uploads.values()}
     for node in set(scene.mesh_nodes) - kept:
         scene.remove_node(node)
