@@ -74,7 +74,7 @@ class RcsSettings(Settings):
     sampler: Literal["auto", "polar", "hemicube", "plane"] = setting(
         "polar",
         "rays all over a hemisphere, five faces of texels drawn by OpenGL, or (irradiance alone) rays through one plane of 64², its"
-        " border stretched; auto: by a table on the device string",
+        " border stretched; auto: polar",
         source="Gautron 2006 §4.2; Cohen & Greenberg 1985",
     )
     hemicube_shadows: Literal["auto", "cast", "mapped"] = setting(
@@ -148,7 +148,7 @@ class RadianceCacheSplatting(Method):
     def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
         """Fill in the sampler, where its hits are lit, the placement, and where records are splatted."""
         shadows = shadows_of(settings.hemicube_shadows, settings.bounces, device)
-        changes = {"sampler": sampler_of(settings.sampler, device), "hemicube_shadows": shadows}
+        changes = {"sampler": sampler_of(settings.sampler), "hemicube_shadows": shadows}
         if settings.backend == "auto":
             changes["backend"] = "cpu" if is_software(device) else "gl"
         settings = settings.model_copy(update=changes)
@@ -179,11 +179,9 @@ class RadianceCacheSplatting(Method):
         return Frame(images, watch.timings, dict(sorted(counters.items())), notes=passes.notes)
 
 
-def sampler_of(sampler: str, device: str) -> str:
-    """The table behind `sampler=auto`: software rasterisers, slower than rays where scenes are large → polar, others → hemicube."""
-    if sampler != "auto":
-        return sampler
-    return "polar" if is_software(device) else "hemicube"
+def sampler_of(sampler: str) -> str:
+    """`auto` is polar: hemicubes take longer for the same error, drawn by llvmpipe and by a GPU (docs/methods/rcs.md)."""
+    return "polar" if sampler == "auto" else sampler
 
 
 def shadows_of(shadows: str, bounces: str, device: str) -> str:
