@@ -8,12 +8,22 @@ differences.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from renderers.transport.caching.limits import Limits
+from renderers.transport.caching.placement import Placement
 from renderers.transport.caching.records import Records, Sites
+from renderers.transport.caching.splat import Canvas
+from renderers.transport.temporal import cache as temporal_cache
+from renderers.transport.temporal.cache import Policy, Stage, TemporalCache, View
+from renderers.transport.temporal.records import Timed, succeeded
 
 F64 = NDArray[np.float64]
 SIDE = 40
@@ -88,3 +98,90 @@ class Lamps:
         at = p + along[..., None] * d - self.centre
         hits = (np.abs(at[..., 0]) <= 0.25) & (np.abs(at[..., 1]) <= 0.2)
         return np.asarray(1 / np.mean(1 / np.where(hits, np.minimum(along, reach), reach), axis=1))
+
+
+@dataclass(frozen=True)
+class Film:
+    """What a run gave: images and the truth (N, P), counters of each frame, and the records of each frame with their trends."""
+
+    images: F64
+    truth: F64
+    counters: list[Counter[str]]
+    records: list[Timed]
+
+    def total(self, name: str) -> int:
+        """A counter, over all frames."""
+        return sum(c[name] for c in self.counters)
+
+    @property
+    def error(self) -> F64:
+        """(N, P), over the mean of the truth."""
+        return np.asarray((self.images - self.truth) / self.truth.mean())
+
+    @property
+    def rmse(self) -> float:
+        """Over all frames."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def flicker(self) -> float:
+        """RMS change of the error from frame to frame."""
+        return float(np.sqrt(np.mean(np.diff(self.error, axis=0) ** 2)))
+
+    @property
+    def accuracy(self) -> F64:
+        """Percent, of each frame."""
+        floor = np.maximum(self.truth, 1e-3 * self.truth.mean())
+        return np.asarray(100 * (1 - np.mean(np.abs(self.images - self.truth) / floor, axis=1)))
+
+
+def run(
+    monkeypatch: pytest.MonkeyPatch, mode: str, frames: int = 60, v: float = 0.25, pan: float = 0.0, a: float = 0.2, **policy: Any
+) -> Film:
+    """So many frames, and as many more as their records live. pan: floor units a frame that the view moves by."""
+    # the floor holds all places
+    monkeypatch.setattr(temporal_cache, "anchors", lambda world, sites: SimpleNamespace(held=np.ones(len(sites.position), bool)))
+    chosen = Policy(**{"guard": False, "stagger": False, "frozen": mode == "none", **policy})
+    cache, films, open_ = TemporalCache(chosen), [], []
+    canvases, truth, counters = [], [], []
+    placement = Placement(a, limits=Limits(1e-3, 1e3, gradient=False))
+    for t in range(frames + (chosen.longest if mode == "interpolated" else 0)):
+        canvas = _view(t * pan)
+        counter = Counter[str]()
+        stage = _stage(t, v, placement, counter)
+        sites = Sites(canvas.position, canvas.normal, np.broadcast_to([0.0, 0, 1], canvas.normal.shape))
+        renewed = cache.step(stage, [View(canvas, sites)], counter)
+        for k, (film, waits) in enumerate(zip(films, open_, strict=True)):
+            films[k], open_[k] = succeeded(film, waits, renewed, t)
+        if t < frames:
+            films.append(cache.live)
+            open_.append((cache.live.life > 1) & (mode == "interpolated"))
+            canvases.append(canvas)
+            truth.append(Lamps(t, v).irradiance(canvas.position, canvas.normal))
+            counters.append(counter)
+    images = []
+    for t, (canvas, film) in enumerate(zip(canvases, films, strict=True)):
+        canvas.clear()
+        canvas.add(film.at(t), a)
+        images.append(canvas.irradiance[:, 0])
+    return Film(np.array(images), np.array(truth), counters, films)
+
+
+def _view(shift: float) -> Canvas:
+    x = -1 + 2 * (np.arange(SIDE) + 0.5) / SIDE
+    grid = np.stack(np.meshgrid(x + shift, x), axis=-1).reshape(-1, 2)
+    position = np.concatenate([grid, np.zeros((len(grid), 1))], axis=1)
+    return Canvas(np.arange(len(grid)), SIDE, position, normals(position), np.float64)
+
+
+def _stage(t: int, v: float, placement: Placement, counter: Counter[str]) -> Stage:
+    now, later = Lamps(t, v), Lamps(t + 1, v)
+
+    def sample(sites: Sites, places: Any, ahead: Any, tangents: Any = None) -> tuple[Records, Records]:
+        counter["records"] += len(sites.position)
+        found = now.records(sites)
+        return found, found if ahead is None else later.records(sites)
+
+    sampler: Any = SimpleNamespace(sample=sample, distances=now.distances, world=None)
+    ahead: Any = object()
+    return Stage(t, sampler, sampler, ahead, placement, False, t)
