@@ -7,6 +7,7 @@ import pytest
 from caching_rooms import ALBEDOS_2, INTENSITY_2, room_2
 
 from renderers.methods.rcs import RadianceCacheSplatting, RcsSettings
+from renderers.scene.load import load_scene
 from renderers.scene.model import Lambert, Scene
 from renderers.transport.caching.bounces import AllReflectedLight, anchors_of
 from renderers.transport.caching.hemisphere import Grid, PolarSampler
@@ -80,3 +81,17 @@ def test_same_bytes_at_any_thread_count_with_all_bounces() -> None:
     finally:
         numba.set_num_threads(threads)
     assert images[0] == images[1]
+
+
+@pytest.mark.parametrize("bounces", ["one", "all"])
+@pytest.mark.parametrize("thickness", [0.0, 0.02])
+def test_no_light_goes_through_a_thin_wall(bounces: str, thickness: float) -> None:
+    """No path joins the rooms but through the wall, and none is found, although zones and the bounces' grid are larger than it."""
+    scene = load_scene("thin-wall", thickness=thickness)
+    frame = RadianceCacheSplatting().render(scene, RcsSettings(bounces=bounces, rays=256), size=(48, 27))
+    world = scene.world()
+    gbuffer = cast_gbuffer(world, (48, 27))
+    x = gbuffer.position[..., 0] / world.scale + world.centre[0]
+    indirect = frame.layers["indirect"].mean(axis=-1)
+    assert indirect[gbuffer.covered & (x > 0)].mean() > 0.05
+    assert not indirect[gbuffer.covered & (x < -0.01)].any()
