@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderers
-from renderers.methods.rcs import PILOT_RAYS, RcsSettings, placement_of
+from renderers.methods.ray_records import PILOT_RAYS, placement_of
+from renderers.methods.rcs import RcsSettings
 from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import PolarSampler, grid_of
 from renderers.transport.caching.incoming import ReflectedDirectLight

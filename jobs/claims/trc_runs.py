@@ -99,7 +99,7 @@ def _indirect(frame: Frame, direct: F64) -> F64:
 
 def truth_of(scene: Scene, size: tuple[int, int], frames: Sequence[int], rays: int = REFERENCE_RAYS) -> Truth:
     """Hemispheres at every pixel of some frames, ascending."""
-    from renderers.methods.rcs import albedos
+    from renderers.methods.ray_records import albedos
     from renderers.transport.caching.hemisphere import PolarSampler, grid_of
     from renderers.transport.caching.incoming import ReflectedDirectLight
     from renderers.transport.caching.records import Sites

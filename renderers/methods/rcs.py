@@ -50,8 +50,9 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from renderers.frame import Frame
-from renderers.method import Claim, Context, Method, Settings, Transport, register, setting
+from renderers.method import Claim, Context, Method, Transport, register, setting
 from renderers.methods.one_bounce import is_software
+from renderers.methods.ray_records import PILOT_RAYS, RecordSettings, chosen_placement, placement_of, warm_up
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -63,14 +64,11 @@ if TYPE_CHECKING:
     from renderers.transport.caching.records import Records
 
 SOURCE = "Gautron 2006 §4"
-PILOT_RAYS = 64
 
 
-class RcsSettings(Settings):
+class RcsSettings(RecordSettings):
     """Settings of radiance cache splatting."""
 
-    a: float = setting(0.15, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 2.8", ge=0.01, le=1.4)
-    rays: int = setting(4096, "rays a record", source="Gautron 2006 §4.8", ge=16, le=65536)
     sampler: Literal["auto", "polar", "hemicube", "plane"] = setting(
         "polar",
         "rays all over a hemisphere, five faces of texels drawn by OpenGL, or (irradiance alone) rays through one plane of 64², its"
@@ -81,24 +79,12 @@ class RcsSettings(Settings):
         "auto",
         "light of what hemicubes see: by shadow rays, or (one bounce alone) by shadow maps; auto: by a table on the device string",
     )
-    weight: Literal["ward", "shifted", "tent"] = setting(
-        "ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004"
-    )
-    gradients: bool = setting(True, "extrapolate with rotation and translation gradients", source="Ward & Heckbert 1992")
-    r_min: float = setting(0.03, "smallest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1)
-    r_max: float = setting(2.0, "largest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1000)
-    footprint: float = setting(
-        1.0, "smallest reach of a record, in pixels", unit="px", source="Tabellion & Lamorlette 2004", ge=0, le=100
-    )
     placement: Literal["auto", "split-sphere", "bounded", "hessian"] = setting(
         "auto",
         "R from distances alone, limited by the gradient, or from the curvature of the irradiance; auto: hessian but for the plane",
         source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
     neighbours: bool = setting(False, "neighbour clamping of R", source="Křivánek et al. 2006")
-    order: Literal["batched", "sequential"] = setting(
-        "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
-    )
     records: int | None = setting(None, "at most so many records; empty: no limit", source="Gautron 2006 §4.7", ge=1, le=10**6)
     bounces: Literal["one", "all"] = setting(
         "one", "one bounce, or all: hits of rays reflect the light of a coarse cache too", source="Ward 1988"
@@ -113,7 +99,6 @@ class RcsSettings(Settings):
     )
     sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
     lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
-    light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
     backend: Literal["auto", "gl", "cpu"] = setting(
         "auto", "where a view's splat of earlier views' records runs; auto: by a table on the device string"
     )
@@ -278,50 +263,6 @@ def all_bounces(world: World, direct: Incoming, context: Context, counters: Coun
         gbuffer = cast_gbuffer(world, context.size)
         sites = Sites(*receivers_of(world, gbuffer, np.flatnonzero(gbuffer.covered)))
         return AllReflectedLight(world, direct, anchors_of(world, sites, direct, context.seed, counters))
-
-
-def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
-    """The settings as `caching.placement` takes them, for images so high; radii in scene radii are World units."""
-    from renderers.transport.caching.limits import Footprint, Limits
-    from renderers.transport.caching.placement import Placement
-
-    pixel, kind = 2 * np.tan(world.camera.yfov / 2) / height, chosen_placement(settings)
-    limits = Limits(
-        smallest=min(settings.r_min, settings.r_max),
-        largest=settings.r_max,
-        gradient=kind == "bounded",
-        neighbours=settings.neighbours,
-        footprint=Footprint(world.camera.pose[:3, 3], settings.footprint * pixel / settings.a),
-        metric="hessian" if kind == "hessian" else "split-sphere",
-    )
-    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=kind == "hessian")
-
-
-def chosen_placement(settings: Any) -> str:
-    """What `placement=auto` stands for: by curvature, wherever the sampler knows it."""
-    if settings.placement != "auto":
-        return str(settings.placement)
-    return "bounded" if settings.sampler == "plane" else "hessian"
-
-
-def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:
-    """`caching.reflectance.stand_in_albedo`, for methods whose caches hold irradiance alone."""
-    from renderers.transport.caching.reflectance import stand_in_albedo
-
-    return stand_in_albedo(world, gbuffer)
-
-
-def warm_up(world: World) -> None:
-    """Import, compile kernels and build the ray caster, so that no measured pass pays for it."""
-    import renderers.transport.primary  # noqa: F401
-    from renderers.transport.caching.hemisphere import PolarSampler, grid_of
-    from renderers.transport.caching.incoming import ReflectedDirectLight
-    from renderers.transport.caching.records import Sites
-    from renderers.transport.caching.splat import warm_up as compile_splat
-
-    compile_splat()
-    up = np.array([[0.0, 0.0, 1.0]])
-    PolarSampler(world, grid_of(16), ReflectedDirectLight(world))(Sites(np.zeros((1, 3)), up, up))
 
 
 register(RadianceCacheSplatting)

@@ -26,23 +26,22 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderers.frame import Frame
-from renderers.method import Claim, Context, SequenceMethod, Settings, Transport, register, setting
-from renderers.methods.rcs import PILOT_RAYS, albedos, placement_of, warm_up
+from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
+from renderers.methods.ray_records import PILOT_RAYS, RecordSettings, albedos, placement_of, warm_up
 from renderers.scene.model import Scene
-from renderers.scene.world import World, WorldCamera
+from renderers.scene.world import World
 
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.temporal.cache import Stage, View
     from renderers.transport.temporal.motion import Motion
-    from renderers.transport.temporal.records import Timed
+    from renderers.transport.temporal.pending import Pending
     from renderers.transport.temporal.sampling import Ahead, TemporalSampler
 
     Float = NDArray[np.float64]
@@ -56,7 +55,7 @@ CAPTION = "records of this frame; red: lives one frame, yellow: half as long as 
 LEAST_RATE = 0.002  # per frame: median noise of rates foreseen from 4096 rays
 
 
-class TrcSettings(Settings):
+class TrcSettings(RecordSettings):
     """Settings of temporal radiance caching."""
 
     a_t: float = setting(0.05, "relative change of light that a record may be used through", source=SOURCE + ".4.1", ge=1e-4, le=10)
@@ -79,26 +78,11 @@ class TrcSettings(Settings):
     guard: bool = setting(True, "places whose records live for one frame are foreseen more and more seldom")
     stagger: bool = setting(True, "first lives are cut, so that records made together don't expire together")
     follow: bool = setting(True, "places on surfaces that move go with them; off, as published: all stay where they were made")
-    a: float = setting(0.15, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 2.8", ge=0.01, le=1.4)
-    rays: int = setting(4096, "rays a record", source="Gautron 2006 §4.8", ge=16, le=65536)
-    weight: Literal["ward", "shifted", "tent"] = setting(
-        "ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004"
-    )
-    gradients: bool = setting(True, "extrapolate with rotation and translation gradients", source="Ward & Heckbert 1992")
-    r_min: float = setting(0.03, "smallest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1)
-    r_max: float = setting(2.0, "largest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1000)
-    footprint: float = setting(
-        1.0, "smallest reach of a record, in pixels", unit="px", source="Tabellion & Lamorlette 2004", ge=0, le=100
-    )
     placement: Literal["split-sphere", "bounded", "hessian"] = setting(
         "bounded",
         "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
         source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
-    order: Literal["batched", "sequential"] = setting(
-        "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
-    )
-    light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
 
     @property
     def neighbours(self) -> bool:
@@ -132,7 +116,7 @@ class TemporalRadianceCaching(SequenceMethod):
     def _render_frames(self, scene: Scene, settings: Any, contexts: Iterable[Context]) -> Iterator[Frame]:
         """Frames one after the other; interpolation holds them back until their records' successors are known."""
         run = _Run(scene, settings)
-        waiting = deque[_Waiting]()
+        waiting: deque[Pending] = deque()
         context: Context | None = None
         for context in contexts:
             waiting.append(run.built(context, waiting))
@@ -142,26 +126,6 @@ class TemporalRadianceCaching(SequenceMethod):
             run.look_ahead(context, waiting)
             while waiting and waiting[0].settled:
                 yield run.drawn(waiting.popleft())
-
-
-@dataclass
-class _Waiting:
-    """A frame whose records are known, but perhaps not all of their successors. open (K,): records that wait for theirs."""
-
-    context: Context
-    views: list[View]
-    albedo: list[NDArray[np.float64]]
-    direct: NDArray[np.float64]
-    records: Timed
-    open: NDArray[np.bool_]
-    counters: Counter[str]
-    camera: WorldCamera
-    position: NDArray[np.float32]
-
-    @property
-    def settled(self) -> bool:
-        """Whether it can be drawn."""
-        return not self.open.any()
 
 
 class _Run:
@@ -186,8 +150,10 @@ class _Run:
         self.motion: Motion | None = None
         self.changed = 0
 
-    def built(self, context: Context, waiting: Iterable[_Waiting]) -> _Waiting:
+    def built(self, context: Context, waiting: Iterable[Pending]) -> Pending:
         """The next frame's records and all else that is needed to draw it; earlier frames get the successors they wait for."""
+        from renderers.transport.temporal.pending import Pending, hand_over
+
         counters, watch = Counter(dict.fromkeys(COUNTED, 0)), context.watch
         if self.motion is None:
             with watch("warm-up", "prepare"):
@@ -197,15 +163,16 @@ class _Run:
         views, albedo, direct, position = self._seen(context, counters)
         with watch("records"):
             renewed = self.cache.step(stage, views, counters)
-        _hand_over(waiting, renewed, context.frame)
+        hand_over(waiting, renewed, context.frame)
         live = self.cache.live
         # a record of one frame has no trend to wait for
         unsettled = (live.life > 1) & self.interpolates
-        return _Waiting(context, views, albedo, direct, live, unsettled, counters, stage.sampler.world.camera, position)
+        return Pending(context, views, albedo, direct, live, unsettled, counters, stage.sampler.world.camera, position)
 
-    def look_ahead(self, context: Context, waiting: Sequence[_Waiting]) -> None:
+    def look_ahead(self, context: Context, waiting: Sequence[Pending]) -> None:
         """One frame past the range: successors of the records that live in its last frames, and nothing else."""
         from renderers.transport.temporal.cache import cover
+        from renderers.transport.temporal.pending import hand_over
 
         frame, counters = self.frame + 1, Counter[str]()
         with context.watch("look-ahead"):
@@ -213,7 +180,7 @@ class _Run:
             self.cache.live = live.rows((live.born <= context.frame) & (live.life > 1))
             stage = self._stage(frame, context, counters)._replace(ahead=None)
             renewed = self.cache.renew(stage, Counter())
-            _hand_over(waiting, renewed, frame)
+            hand_over(waiting, renewed, frame)
             live = self.cache.live
             self.cache.live = live.rows(live.born <= context.frame)
             if (self.cache.live.last == frame).any() and self.motion is not None:
@@ -222,7 +189,7 @@ class _Run:
         waiting[-1].counters["rays"] += counters["rays"]
         waiting[-1].counters["records_ahead"] += counters["records"]
 
-    def drawn(self, waiting: _Waiting) -> Frame:
+    def drawn(self, waiting: Pending) -> Frame:
         """The picture of a frame."""
         from renderers.transport.temporal.overlay import overlay
 
@@ -325,15 +292,6 @@ class _Run:
             canvas = Canvas.of(gbuffer, albedos(world, gbuffer).max(axis=2) > 0)
             views.append((View(canvas, Sites(*receivers_of(world, gbuffer, canvas.rows))), gbuffer))
         return views
-
-
-def _hand_over(waiting: Iterable[_Waiting], renewed: Timed, frame: int) -> None:
-    """Give the records of a frame to earlier frames that wait for them, and stop waiting for records that won't come."""
-    from renderers.transport.temporal.records import succeeded
-
-    for earlier in waiting:
-        if not earlier.settled:
-            earlier.records, earlier.open = succeeded(earlier.records, earlier.open, renewed, frame)
 
 
 register(TemporalRadianceCaching)

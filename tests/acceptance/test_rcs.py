@@ -8,7 +8,8 @@ from caching_rooms import POINTS_1, Constant, Radiance1, metres, room_1, room_2,
 from numpy.typing import NDArray
 from scaling import scaled
 
-from renderers.methods.rcs import RadianceCacheSplatting, RcsSettings, albedos
+from renderers.methods.ray_records import albedos
+from renderers.methods.rcs import RadianceCacheSplatting, RcsSettings
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 from renderers.transport.caching.hemisphere import Grid, PolarSampler

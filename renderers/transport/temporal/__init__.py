@@ -10,6 +10,7 @@
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
 | `plane` | the square sampling plane of the publication: weights, moments, reprojection; oracle of the GL passes |
 | `records` | records in time: temporal gradients, values at a frame |
+| `pending` | frames that wait for the successors of their records |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
 | `overlay` | where records lie and how long they live, as a picture |
 | `accumulation` | temporal accumulation of noisy images: the pixel's past followed back |

@@ -1,0 +1,84 @@
+"""What `rcs` and `trc` share: the settings of records made of rays, where records go, and what is prepared once.
+
+Not a method of its own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderers.method import Settings, setting
+from renderers.scene.world import World
+
+if TYPE_CHECKING:
+    from renderers.gbuffer import GBuffer
+    from renderers.transport.caching.placement import Placement
+
+PILOT_RAYS = 64
+
+
+class RecordSettings(Settings):
+    """Settings of methods that interpolate light between records, each made of a hemisphere of rays."""
+
+    a: float = setting(0.15, "accuracy: a record reaches a·R far", source="Gautron 2006 eq. 2.8", ge=0.01, le=1.4)
+    rays: int = setting(4096, "rays a record", source="Gautron 2006 §4.8", ge=16, le=65536)
+    weight: Literal["ward", "shifted", "tent"] = setting(
+        "ward", "weighting function", source="Ward 1988; Tabellion & Lamorlette 2004"
+    )
+    gradients: bool = setting(True, "extrapolate with rotation and translation gradients", source="Ward & Heckbert 1992")
+    r_min: float = setting(0.03, "smallest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1)
+    r_max: float = setting(2.0, "largest R", unit="r", source="Tabellion & Lamorlette 2004", ge=1e-6, le=1000)
+    footprint: float = setting(
+        1.0, "smallest reach of a record, in pixels", unit="px", source="Tabellion & Lamorlette 2004", ge=0, le=100
+    )
+    order: Literal["batched", "sequential"] = setting(
+        "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
+    )
+    light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
+
+
+def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
+    """The settings as `caching.placement` takes them, for images so high; radii in scene radii are World units."""
+    from renderers.transport.caching.limits import Footprint, Limits
+    from renderers.transport.caching.placement import Placement
+
+    pixel, kind = 2 * np.tan(world.camera.yfov / 2) / height, chosen_placement(settings)
+    limits = Limits(
+        smallest=min(settings.r_min, settings.r_max),
+        largest=settings.r_max,
+        gradient=kind == "bounded",
+        neighbours=settings.neighbours,
+        footprint=Footprint(world.camera.pose[:3, 3], settings.footprint * pixel / settings.a),
+        metric="hessian" if kind == "hessian" else "split-sphere",
+    )
+    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=kind == "hessian")
+
+
+def chosen_placement(settings: Any) -> str:
+    """What `placement=auto` stands for: by curvature, wherever the sampler knows it."""
+    if settings.placement != "auto":
+        return str(settings.placement)
+    return "bounded" if settings.sampler == "plane" else "hessian"
+
+
+def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:
+    """`caching.reflectance.stand_in_albedo`, for methods whose caches hold irradiance alone."""
+    from renderers.transport.caching.reflectance import stand_in_albedo
+
+    return stand_in_albedo(world, gbuffer)
+
+
+def warm_up(world: World) -> None:
+    """Import, compile kernels and build the ray caster, so that no measured pass pays for it."""
+    import renderers.transport.primary  # noqa: F401
+    from renderers.transport.caching.hemisphere import PolarSampler, grid_of
+    from renderers.transport.caching.incoming import ReflectedDirectLight
+    from renderers.transport.caching.records import Sites
+    from renderers.transport.caching.splat import warm_up as compile_splat
+
+    compile_splat()
+    up = np.array([[0.0, 0.0, 1.0]])
+    PolarSampler(world, grid_of(16), ReflectedDirectLight(world))(Sites(np.zeros((1, 3)), up, up))
