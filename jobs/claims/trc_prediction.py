@@ -81,8 +81,8 @@ def errors_at(scene: Scene, frame: int, seed: int) -> dict[str, F64]:
     truth = TemporalSampler(motion.after, grid, later, 0, Counter()).sample(sites, places)[0].irradiance.sum(axis=1)
     foreseen = {
         "without": None,
-        "with": Reprojection(motion, sampler, later, grid, 4),
-        "points": Reprojection(motion, sampler, later, grid, 1),
+        "with": Reprojection(motion, sampler, later, 4),
+        "points": Reprojection(motion, sampler, later, 1),
         "raycast": RayCast(motion, sampler, later),
     }
     values = {way: sampler.sample(sites, places, ahead)[1].irradiance.sum(axis=1) for way, ahead in foreseen.items()}

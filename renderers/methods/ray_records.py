@@ -5,10 +5,11 @@ Not a method of its own.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import model_validator
 
 from renderers.method import Settings, setting
 from renderers.scene.world import World
@@ -38,6 +39,13 @@ class RecordSettings(Settings):
         "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
     )
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
+
+    @model_validator(mode="after")
+    def _known_curvature(self) -> Self:
+        """Raises ValueError where the sampler doesn't know what `placement` needs; methods bring both."""
+        if (getattr(self, "sampler", None), getattr(self, "placement", None)) == ("plane", "hessian"):
+            raise ValueError("placement=hessian needs another sampler: the plane knows no curvature")
+        return self
 
 
 def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:

@@ -12,6 +12,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | a_t           | 0.05         | 1     | 10⁻⁴ … 10                        | relative change that a record may be used through    |
 | delta_max     | 20           | frame | 1 … 1000                         | longest life                                         |
 | gradients_in_time | interpolated |   | none, extrapolated, interpolated | ∇ᵗ                                                   |
+| sampler       | polar        |       | polar, plane                     | rays all over a hemisphere, or through one plane      |
 | prediction    | raycast      |       | raycast, reproject               | how the next frame is foreseen                       |
 | footprints    | 4            | 1     | 1 … 8                            | points a side that a reprojected hit covers          |
 | sparse        | 4            | 1     | 1 … 64                           | one ray in so many is foreseen where all change      |
@@ -19,6 +20,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | guard         | true         |       |                                  | no foresight where lives stay at one frame           |
 | stagger       | true         |       |                                  | records made together don't expire together          |
 | follow        | true         |       |                                  | places on surfaces that move go with them            |
+| backend       | auto         |       | auto, gl, cpu                    | where reprojected planes are drawn                   |
 | a … subpixels |              |       |                                  | as `rcs`, with R from the gradient-limited distances  |
 """
 
@@ -33,7 +35,8 @@ from numpy.typing import NDArray
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
-from renderers.methods.ray_records import PILOT_RAYS, RecordSettings, albedos, placement_of, warm_up
+from renderers.methods.foresight import ahead_of, backend_of, samplers_of
+from renderers.methods.ray_records import RecordSettings, albedos, placement_of, warm_up
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -42,7 +45,6 @@ if TYPE_CHECKING:
     from renderers.transport.temporal.cache import Stage, View
     from renderers.transport.temporal.motion import Motion
     from renderers.transport.temporal.pending import Pending
-    from renderers.transport.temporal.sampling import Ahead, TemporalSampler
 
     Float = NDArray[np.float64]
 
@@ -63,11 +65,14 @@ class TrcSettings(RecordSettings):
     gradients_in_time: Literal["none", "extrapolated", "interpolated"] = setting(
         "interpolated", "records frozen, extrapolated in time, or interpolated towards their successors", source=SOURCE + ".4.3"
     )
+    sampler: Literal["polar", "plane"] = setting(
+        "polar", "rays all over a hemisphere, or, as published, through one square plane", source="Gautron 2006 §4.2"
+    )
     prediction: Literal["raycast", "reproject"] = setting(
         "raycast", "the next frame's hemisphere: cast anew where something moved, or reprojected", source=SOURCE + ".4.2"
     )
     footprints: int = setting(
-        4, "points a side that a reprojected hit covers its cell with; 1 as published", source="luxmeter", ge=1, le=8
+        4, "points a side that a reprojected hit of a polar hemisphere covers; 1, as on planes: as published", ge=1, le=8
     )
     sparse: int = setting(
         4, "where a whole hemisphere changes, one ray in so many is foreseen; 1: all of them", source="luxmeter", ge=1, le=64
@@ -78,6 +83,9 @@ class TrcSettings(RecordSettings):
     guard: bool = setting(True, "places whose records live for one frame are foreseen more and more seldom")
     stagger: bool = setting(True, "first lives are cut, so that records made together don't expire together")
     follow: bool = setting(True, "places on surfaces that move go with them; off, as published: all stay where they were made")
+    backend: Literal["auto", "gl", "cpu"] = setting(
+        "auto", "where reprojected planes are drawn; auto: by a table on the device string", source=SOURCE + ".4.2"
+    )
     placement: Literal["split-sphere", "bounded", "hessian"] = setting(
         "bounded",
         "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
@@ -112,6 +120,10 @@ class TemporalRadianceCaching(SequenceMethod):
     def transport(self, settings: Any) -> Transport:
         """One bounce, both visibilities."""
         return "one-bounce"
+
+    def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
+        """Fill in where planes are drawn."""
+        return settings.model_copy(update={"backend": backend_of(settings.backend, device)})
 
     def _render_frames(self, scene: Scene, settings: Any, contexts: Iterable[Context]) -> Iterator[Frame]:
         """Frames one after the other; interpolation holds them back until their records' successors are known."""
@@ -226,11 +238,8 @@ class _Run:
 
     def _stage(self, frame: int, context: Context, counters: Counter[str]) -> Stage:
         """Go to a frame: its World, and what happens between it and the next one."""
-        from renderers.transport.caching.hemisphere import grid_of
-        from renderers.transport.caching.incoming import ReflectedDirectLight
         from renderers.transport.temporal.cache import Stage
         from renderers.transport.temporal.motion import motion_between
-        from renderers.transport.temporal.sampling import TemporalSampler
 
         self.frame = frame
         foresees = self.policy.foresees
@@ -242,22 +251,10 @@ class _Run:
             past = motion_between(past.before, world)
         # without foresight nobody asks what comes next
         self.motion = motion_between(world, self.scene.world(frame + 1) if foresees else world)
-        incoming, grid = ReflectedDirectLight(world), grid_of(self.settings.rays)
-        sampler = TemporalSampler(world, grid, incoming, context.seed, counters, self.settings.sparse)
-        pilot = TemporalSampler(world, grid_of(PILOT_RAYS), incoming, context.seed, counters)
+        sampler, pilot = samplers_of(world, self.settings, context.seed, counters)
         placement = placement_of(world, context.size[1], self.settings, context.seed)
-        ahead = None if self.motion.still else self._ahead(sampler)
+        ahead = ahead_of(self.motion, sampler, self.settings)
         return Stage(frame, sampler, pilot, ahead, placement, foresees and self.motion.still, self.changed, past)
-
-    def _ahead(self, sampler: TemporalSampler) -> Ahead:
-        from renderers.transport.caching.incoming import ReflectedDirectLight
-        from renderers.transport.temporal.prediction import RayCast, Reprojection
-
-        assert self.motion is not None
-        later = ReflectedDirectLight(self.motion.after)
-        if self.settings.prediction == "reproject" and self.motion.same_topology:
-            return Reprojection(self.motion, sampler, later, sampler.grid, self.settings.footprints)
-        return RayCast(self.motion, sampler, later)
 
     def _seen(self, context: Context, counters: Counter[str]) -> tuple[list[View], list[Float], Float, NDArray[np.float32]]:
         """Views, the albedo (P, 3) of their pixels, all views' direct light (H, W, 3) summed, positions (H, W, 3) of the first."""

@@ -171,10 +171,7 @@ class PlaneSampler(PolarSampler):
     ) -> None:  # fmt: skip
         super().__init__(world, Grid(size, size), incoming, seed, False, counters)
         self._half_width, self._compensation = half_width, compensation
-        middle = (np.arange(size) + 0.5) * (2 * half_width / size) - half_width
-        x, y = np.meshgrid(middle, middle, indexing="ij")
-        local = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
-        self._local = local / np.linalg.norm(local, axis=1, keepdims=True)
+        self._local = plane_directions(size, half_width)
 
     def summed(self, sites: Sites, cast: Hemispheres) -> Records:
         """See `PolarSampler.summed`."""
@@ -182,8 +179,26 @@ class PlaneSampler(PolarSampler):
         return replace(records_of(sites, cast.tangents, moments), curvature=None)
 
     def _rays(self, sites: Sites, tangents: F64, random: F64) -> tuple[F32, F32]:
-        axes = np.concatenate([tangents, sites.normal[:, None]], axis=1)
-        directions = np.einsum("pt,ktd->kpd", self._local, axes)
-        side = np.where(np.einsum("kpd,kd->kp", directions, sites.geometric) >= 0, OFFSET, -OFFSET)
-        origins = sites.position[:, None] + side[..., None] * sites.geometric[:, None]
-        return origins.reshape(-1, 3).astype(np.float32), directions.reshape(-1, 3).astype(np.float32)
+        return plane_rays(self._local, sites, tangents)
+
+
+def side_of(rays: int) -> int:
+    """Pixels a side of the plane with the number of rays nearest to one ≥ 4."""
+    return max(2, round(float(np.sqrt(rays))))
+
+
+def plane_directions(size: int = SIZE, half_width: float = HALF_WIDTH) -> F64:
+    """Unit directions (size², 3) through the pixel centres, in the frame of the plane."""
+    middle = (np.arange(size) + 0.5) * (2 * half_width / size) - half_width
+    x, y = np.meshgrid(middle, middle, indexing="ij")
+    local = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
+    return np.asarray(local / np.linalg.norm(local, axis=1, keepdims=True))
+
+
+def plane_rays(local: F64, sites: Sites, tangents: F64) -> tuple[F32, F32]:
+    """Origins and directions (K·P, 3) of rays along directions (P, 3) of frames with tangents (K, 2, 3), from K places."""
+    axes = np.concatenate([tangents, sites.normal[:, None]], axis=1)
+    directions = np.einsum("pt,ktd->kpd", local, axes)
+    side = np.where(np.einsum("kpd,kd->kp", directions, sites.geometric) >= 0, OFFSET, -OFFSET)
+    origins = sites.position[:, None] + side[..., None] * sites.geometric[:, None]
+    return origins.reshape(-1, 3).astype(np.float32), directions.reshape(-1, 3).astype(np.float32)

@@ -84,7 +84,9 @@ class TemporalSampler(PolarSampler):
 
     def __init__(self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1) -> None:
         super().__init__(world, grid, incoming, seed, counters=counters)
-        self._coarse = coarse(grid, sparse)
+        self._coarse = (
+            coarse(grid, self._fewer(max(4, grid.cells // sparse))) if sparse > 1 else Coarse(grid, np.arange(grid.cells))
+        )
 
     def sample(self, sites: Sites, places: I64, ahead: Ahead | None = None, tangents: F64 | None = None) -> tuple[Records, Records]:
         """Records at N places numbered `places` (N,), and what they will be one frame later; without `ahead`, what they are now.
@@ -141,7 +143,7 @@ class TemporalSampler(PolarSampler):
                 found = _light(self._records(part, radiance, nearness, grid))
                 found -= _light(self._records(part, part.radiance, part.nearness, grid))
                 differences = (radiance - part.radiance).reshape(len(index), *grid, 3)
-                share = 0.0 if ahead.smooth else 1 / len(cells) - 1 / self.grid.cells
+                share = 0.0 if ahead.smooth else self._unevenness(grid) - self._unevenness(self.grid)
                 change[index] = found * _certain(found, differences, share)
                 total += rays
         light = _light(now) + change
@@ -155,6 +157,16 @@ class TemporalSampler(PolarSampler):
         """Random numbers float64 (S, 6) for the lights of hits of a cast's rays."""
         return self._light_numbers(seen._replace(ray=cast.cell[seen.ray]), cast.random)
 
+    @staticmethod
+    def _fewer(cells: int) -> Grid:
+        """A grid of the same kind with so many cells."""
+        return grid_of(cells)
+
+    @staticmethod
+    def _unevenness(grid: Grid) -> float:
+        """Sum of the squares of the shares that cells have in irradiance: variance of the mean of cells of variance 1."""
+        return 1 / grid.cells
+
     def _records(self, cast: Cast, radiance: F32, nearness: F32, grid: Grid | None = None) -> Records:
         shape = len(cast.tangents), *(self.grid if grid is None else grid)
         return records_of(cast.sites, cast.tangents, polar_moments(radiance.reshape(*shape, 3), nearness.reshape(shape)))
@@ -167,11 +179,8 @@ class Coarse(NamedTuple):
     cells: I64
 
 
-def coarse(grid: Grid, sparse: int) -> Coarse:
-    """About one cell in `sparse` ≥ 1: one in each cell of a coarser grid, at places that a plane-filling sequence picks."""
-    if sparse == 1:
-        return Coarse(grid, np.arange(grid.cells))
-    few = grid_of(max(4, grid.cells // sparse))
+def coarse(grid: Grid, few: Grid) -> Coarse:
+    """One cell of a grid in each cell of a coarser one, at places that a plane-filling sequence picks."""
     number = np.arange(few.cells)
     # R2 sequence (Roberts 2018): neighbouring cells don't pick alike
     inside = np.modf((number[:, None] + 1) * np.array([0.7548776662466927, 0.5698402909980532]))[0]
