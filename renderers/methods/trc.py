@@ -11,6 +11,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | ------------- | ------------ | ----- | -------------------------------- | ---------------------------------------------------- |
 | a_t           | 0.05         | 1     | 10⁻⁴ … 10                        | relative change that a record may be used through    |
 | delta_max     | 20           | frame | 1 … 1000                         | longest life                                         |
+| lifespan      | chord        |       | rate, chord                      | lives by the change of light, or by its curvature too |
 | gradients_in_time | interpolated |   | none, extrapolated, interpolated | ∇ᵗ                                                   |
 | prediction    | raycast      |       | raycast, reproject               | how the next frame is foreseen                       |
 | footprints    | 4            | 1     | 1 … 8                            | points a side that a reprojected hit covers          |
@@ -60,6 +61,11 @@ class TrcSettings(RecordSettings):
 
     a_t: float = setting(0.05, "relative change of light that a record may be used through", source=SOURCE + ".4.1", ge=1e-4, le=10)
     delta_max: int = setting(20, "longest life of a record", unit="frame", source=SOURCE + ".4.1", ge=1, le=1000)
+    lifespan: Literal["rate", "chord"] = setting(
+        "chord",
+        "lives end where the change foreseen reaches a_t, or, where records are interpolated in time, the error of that does",
+        source=SOURCE + ".4.1; luxmeter",
+    )
     gradients_in_time: Literal["none", "extrapolated", "interpolated"] = setting(
         "interpolated", "records frozen, extrapolated in time, or interpolated towards their successors", source=SOURCE + ".4.3"
     )
@@ -144,6 +150,7 @@ class _Run:
             settings.stagger,
             frozen=mode == "none",
             follows=settings.follow and settings.cache == "temporal",
+            curved=settings.lifespan == "chord" and mode == "interpolated",
         )
         self.cache = TemporalCache(self.policy)
         self.interpolates = self.policy.foresees and mode == "interpolated" and bool(scene.channels)

@@ -30,7 +30,16 @@ from renderers.transport.caching.records import Float, Records, Sites
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.temporal.anchors import anchors, departures
 from renderers.transport.temporal.coverage import coverage, needed
-from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
+from renderers.transport.temporal.lifespan import (
+    CHORD,
+    FOREVER,
+    chord_lifespan,
+    curvature,
+    darkness,
+    irradiance_rate,
+    lifespan,
+    staggered,
+)
 from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.records import Timed, Trends
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
@@ -44,7 +53,7 @@ MOST_STRIKES = 4
 @dataclass(frozen=True)
 class Policy:
     """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
-    frozen: no trends; follows: places go with surfaces that move."""
+    frozen: no trends; follows: places go with surfaces that move; curved: lives as `lifespan.chord_lifespan`, too."""
 
     a_t: float = 0.05
     longest: int = 20
@@ -53,6 +62,7 @@ class Policy:
     stagger: bool = True
     frozen: bool = False
     follows: bool = True
+    curved: bool = False
 
     @property
     def foresees(self) -> bool:
@@ -172,9 +182,8 @@ class TemporalCache:
         """Records that would come out as they are."""
         count = len(old)
         life = np.full(count, self.policy.longest)
-        return Timed.of(
-            old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest
-        ).turned_as(old)
+        kept = Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
+        return replace(kept.turned_as(old), span=frame - old.born)
 
     def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
         """Successors, their light foreseen where `ahead` is given."""
@@ -185,7 +194,22 @@ class TemporalCache:
         # neighbours among records that are still to come would make a frame depend on those after it
         records = limited(now, replace(stage.placement.limits, neighbours=False))
         computed = Computed(old.sites, now, later, foreseen)
-        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
+        new = self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
+        return self._curved(new, old, computed) if self.policy.curved else new
+
+    def _curved(self, new: Timed, old: Timed, computed: Computed) -> Timed:
+        """Successors of old records, living as long as chords do."""
+        assert self.least is not None
+        frames = new.born - old.born
+        slope = (computed.now.irradiance - old.records.irradiance) / frames[:, None]
+        ahead = computed.later.irradiance - computed.now.irradiance
+        bend = curvature(old.slope, old.span, slope, frames, ahead, computed.foreseen)
+        bend /= np.maximum(computed.now.irradiance.max(axis=1), self.least)
+        chord = np.minimum(chord_lifespan(bend, CHORD * self.policy.a_t, self.policy.longest), 2 * frames)
+        life = np.maximum(new.life, chord)
+        lasting = life > 1
+        strikes, rest = np.where(lasting, 0, new.strikes), np.where(lasting, 0, new.rest)
+        return replace(new, life=life, strikes=strikes, rest=rest, slope=slope, span=frames)
 
     def _adopt(self, stage: Stage, records: Records, made: list[Computed], counters: Counter[str]) -> None:
         """Take in records of new places."""
@@ -201,6 +225,9 @@ class TemporalCache:
         new = self._timed(stage.frame, records, found, place, strikes, rest)
         if self.policy.stagger and self.policy.keeping == "temporal":
             new = replace(new, life=staggered(new.life, place, self.policy.longest))
+        if self.policy.curved:
+            change = found.later.irradiance - found.now.irradiance
+            new = replace(new, slope=change, span=np.where(found.foreseen, -1, 0))
         self.places += len(records)
         self.live = Timed.joined(self.live, new)
 
