@@ -37,6 +37,10 @@ class Anchors(NamedTuple):
         """Places with a surface, (N,)."""
         return self.triangle >= 0
 
+    def rows(self, index: I64) -> Anchors:
+        """The selected ones."""
+        return Anchors(self.triangle[index], self.u[index], self.v[index])
+
 
 def anchors(world: World, sites: Sites) -> Anchors:
     """The surface that each place lies on: parallel to it, at most REACH below it and at most BURIED above."""
@@ -65,7 +69,7 @@ def departures(motion: Motion, sites: Sites) -> tuple[I64, F64, F64]:
     going = np.flatnonzero(found.held & motion.moved[found.triangle])
     if not len(going):
         return near[:0], np.zeros((0, 3, 3)), np.zeros((0, 3))
-    return near[going], *carried(motion.before, motion.after, Anchors(*(column[going] for column in found)))
+    return near[going], *carried(motion.before, motion.after, found.rows(going))
 
 
 @numba.njit(nogil=True, cache=True)
