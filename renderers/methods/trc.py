@@ -20,7 +20,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | guard         | true         |       |                                  | no foresight where lives stay at one frame           |
 | stagger       | true         |       |                                  | records made together don't expire together          |
 | follow        | true         |       |                                  | places on surfaces that move go with them            |
-| a … subpixels |              |       |                                  | as `rcs`, with R from the gradient-limited distances  |
+| a … subpixels |              |       |                                  | as `rcs`, with R from curvature and gradient           |
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.float64]
 
-SOURCE = "Gautron 2006 §5"
+SOURCE, PLACEMENT = "Gautron 2006 §5", "Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012"
 COUNTED = (
     "pixels_covered", "pixels_missed", "predictions", "rays", "records", "records_ahead", "records_alive", "records_deleted",
     "records_kept", "records_new", "records_renewed", "splat_tests", "splats",
@@ -84,16 +84,19 @@ class TrcSettings(RecordSettings):
     guard: bool = setting(True, "places whose records live for one frame are foreseen more and more seldom")
     stagger: bool = setting(True, "first lives are cut, so that records made together don't expire together")
     follow: bool = setting(True, "places on surfaces that move go with them; off, as published: all stay where they were made")
-    placement: Literal["split-sphere", "bounded", "hessian"] = setting(
-        "bounded",
-        "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
-        source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
+    placement: Literal["auto", "split-sphere", "bounded", "hessian", "hessian-bounded"] = setting(
+        "auto", "R from distances or from the curvature of the irradiance, limited by its gradient or not", source=PLACEMENT
     )
 
     @property
     def neighbours(self) -> bool:
         """Neighbour clamping is not offered: radii would depend on records of later frames."""
         return False
+
+    @property
+    def by_curvature(self) -> str:
+        """The gradient limits radii too: without it hot spots near what moves are extrapolated wildly until renewal."""
+        return "hessian-bounded"
 
 
 class TemporalRadianceCaching(SequenceMethod):

@@ -27,7 +27,9 @@ from numpy.typing import NDArray
 from renderers.transport.caching.limits import limited
 from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.records import Float, Records, Sites
+from renderers.transport.caching.sight import Blocked, in_sight
 from renderers.transport.caching.splat import Canvas
+from renderers.transport.raycast import caster_of
 from renderers.transport.temporal.anchors import anchors, departures
 from renderers.transport.temporal.coverage import coverage, needed
 from renderers.transport.temporal.lifespan import (
@@ -90,6 +92,11 @@ class Stage(NamedTuple):
     changed: int
     past: Motion | None = None
 
+    @property
+    def blocked(self) -> Blocked | None:
+        """What hides a point from another, for placements that see."""
+        return caster_of(self.sampler.world).occluded if self.placement.sees else None
+
 
 class Computed(NamedTuple):
     """Records before limits at their sites, now and one frame later, and whether the latter was foreseen, bool (K,)."""
@@ -137,7 +144,7 @@ class TemporalCache:
 
         for view in views:
             view.canvas.add(values, placement.a, placement.weight, placement.gradients, counters)
-            values = fill(view.canvas, view.sites, compute, stage.distances.distances, placement, values)
+            values = fill(view.canvas, view.sites, compute, stage.distances.distances, placement, values, blocked=stage.blocked)
         self._adopt(stage, values.rows(slice(len(self.live), None)), made, counters)
         self.live = cover(self.live, stage, views)
         counters["records_alive"] += len(self.live)
@@ -163,8 +170,8 @@ class TemporalCache:
         resting = ~same & (old.rest > 0)
         renewed = Timed.joined(
             self._kept(old.rows(same), stage.frame),
-            self._computed(old.rows(resting), stage, None),
-            self._computed(old.rows(~same & ~resting), stage, stage.ahead),
+            self._computed(old.rows(resting), stage, None, views),
+            self._computed(old.rows(~same & ~resting), stage, stage.ahead, views),
         )
         self.live = _by_place(Timed.joined(self.live.rows(~over), renewed))
         return _by_place(renewed)
@@ -185,14 +192,18 @@ class TemporalCache:
         kept = Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
         return replace(kept.turned_as(old), span=frame - old.born)
 
-    def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
-        """Successors, their light foreseen where `ahead` is given."""
+    def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None, views: Sequence[View]) -> Timed:
+        """Successors, their light foreseen where `ahead` is given; they see their zones of the views, if the placement does."""
         if not len(old):
             return Timed.empty()
         now, later = stage.sampler.sample(old.sites, old.place, ahead, old.tangents)
         foreseen = np.full(len(old), ahead is not None or stage.still)
         # neighbours among records that are still to come would make a frame depend on those after it
-        records = limited(now, replace(stage.placement.limits, neighbours=False))
+        placement, blocked = stage.placement, stage.blocked
+        records = limited(now, replace(placement.limits, neighbours=False))
+        if blocked is not None:
+            for view in views:
+                records = in_sight(records, view.canvas, placement.a, placement.weight, blocked)
         computed = Computed(old.sites, now, later, foreseen)
         new = self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
         return self._curved(new, old, computed) if self.policy.curved else new
