@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from renderers.transport.caching.placement import Placement
 
 PILOT_RAYS = 64
+BY_CURVATURE = ("hessian", "hessian-bounded")
 
 
 class RecordSettings(Settings):
@@ -43,9 +44,14 @@ class RecordSettings(Settings):
     @model_validator(mode="after")
     def _known_curvature(self) -> Self:
         """Raises ValueError where the sampler doesn't know what `placement` needs; methods bring both."""
-        if (getattr(self, "sampler", None), getattr(self, "placement", None)) == ("plane", "hessian"):
-            raise ValueError("placement=hessian needs another sampler: the plane knows no curvature")
+        if getattr(self, "sampler", None) == "plane" and getattr(self, "placement", None) in BY_CURVATURE:
+            raise ValueError("this placement needs another sampler: the plane knows no curvature")
         return self
+
+    @property
+    def by_curvature(self) -> str:
+        """What `placement=auto` stands for where the sampler knows the curvature of the irradiance."""
+        return "hessian"
 
 
 def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
@@ -54,22 +60,23 @@ def placement_of(world: World, height: int, settings: Any, seed: int) -> Placeme
     from renderers.transport.caching.placement import Placement
 
     pixel, kind = 2 * np.tan(world.camera.yfov / 2) / height, chosen_placement(settings)
+    by_curvature = kind in BY_CURVATURE
     limits = Limits(
         smallest=min(settings.r_min, settings.r_max),
         largest=settings.r_max,
-        gradient=kind == "bounded",
+        gradient=kind in ("bounded", "hessian-bounded"),
         neighbours=settings.neighbours,
         footprint=Footprint(world.camera.pose[:3, 3], settings.footprint * pixel / settings.a),
-        metric="hessian" if kind == "hessian" else "split-sphere",
+        metric="hessian" if by_curvature else "split-sphere",
     )
-    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=kind == "hessian")
+    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=by_curvature)
 
 
 def chosen_placement(settings: Any) -> str:
     """What `placement=auto` stands for: by curvature, wherever the sampler knows it."""
     if settings.placement != "auto":
         return str(settings.placement)
-    return "bounded" if settings.sampler == "plane" else "hessian"
+    return "bounded" if getattr(settings, "sampler", "polar") == "plane" else str(settings.by_curvature)
 
 
 def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:

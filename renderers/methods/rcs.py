@@ -23,7 +23,8 @@ depend on the order of the records, and after the records every pixel is reached
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
 | r_max         | 2       | r    | 10⁻⁶ … 1000                   | largest R, in scene radii                                  |
 | footprint     | 1       | px   | 0 … 100                       | smallest reach a·R of a record, in pixels                  |
-| placement     | auto    |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
+| placement     | auto    |      | split-sphere, bounded,        | R from distances or from curvature, limited by the         |
+|               |         |      | hessian, hessian-bounded      | gradient or not                                            |
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
@@ -79,9 +80,9 @@ class RcsSettings(RecordSettings):
         "auto",
         "light of what hemicubes see: by shadow rays, or (one bounce alone) by shadow maps; auto: by a table on the device string",
     )
-    placement: Literal["auto", "split-sphere", "bounded", "hessian"] = setting(
+    placement: Literal["auto", "split-sphere", "bounded", "hessian", "hessian-bounded"] = setting(
         "auto",
-        "R from distances alone, limited by the gradient, or from the curvature of the irradiance; auto: hessian but for the plane",
+        "R from distances or from the curvature of the irradiance, limited by its gradient or not; auto: hessian but for the plane",
         source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
     neighbours: bool = setting(False, "neighbour clamping of R", source="Křivánek et al. 2006")

@@ -11,6 +11,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | ------------- | ------------ | ----- | -------------------------------- | ---------------------------------------------------- |
 | a_t           | 0.05         | 1     | 10⁻⁴ … 10                        | relative change that a record may be used through    |
 | delta_max     | 20           | frame | 1 … 1000                         | longest life                                         |
+| lifespan      | chord        |       | rate, chord                      | lives by the change of light, or by its curvature too |
 | gradients_in_time | interpolated |   | none, extrapolated, interpolated | ∇ᵗ                                                   |
 | sampler       | polar        |       | polar, plane                     | rays all over a hemisphere, or through one plane      |
 | prediction    | raycast      |       | raycast, reproject               | how the next frame is foreseen                       |
@@ -21,7 +22,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | stagger       | true         |       |                                  | records made together don't expire together          |
 | follow        | true         |       |                                  | places on surfaces that move go with them            |
 | backend       | auto         |       | auto, gl, cpu                    | where reprojected planes are drawn                   |
-| a … subpixels |              |       |                                  | as `rcs`, with R from the gradient-limited distances  |
+| a … subpixels |              |       |                                  | as `rcs`, with R from curvature and gradient           |
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.float64]
 
-SOURCE = "Gautron 2006 §5"
+SOURCE, PLACEMENT = "Gautron 2006 §5", "Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012"
 COUNTED = (
     "pixels_covered", "pixels_missed", "predictions", "rays", "records", "records_ahead", "records_alive", "records_deleted",
     "records_kept", "records_new", "records_renewed", "splat_tests", "splats",
@@ -62,6 +63,11 @@ class TrcSettings(RecordSettings):
 
     a_t: float = setting(0.05, "relative change of light that a record may be used through", source=SOURCE + ".4.1", ge=1e-4, le=10)
     delta_max: int = setting(20, "longest life of a record", unit="frame", source=SOURCE + ".4.1", ge=1, le=1000)
+    lifespan: Literal["rate", "chord"] = setting(
+        "chord",
+        "lives end where the change foreseen reaches a_t, or, where records are interpolated in time, the error of that does",
+        source=SOURCE + ".4.1; luxmeter",
+    )
     gradients_in_time: Literal["none", "extrapolated", "interpolated"] = setting(
         "interpolated", "records frozen, extrapolated in time, or interpolated towards their successors", source=SOURCE + ".4.3"
     )
@@ -86,16 +92,19 @@ class TrcSettings(RecordSettings):
     backend: Literal["auto", "gl", "cpu"] = setting(
         "auto", "where reprojected planes are drawn; auto: by a table on the device string", source=SOURCE + ".4.2"
     )
-    placement: Literal["split-sphere", "bounded", "hessian"] = setting(
-        "bounded",
-        "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
-        source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
+    placement: Literal["auto", "split-sphere", "bounded", "hessian", "hessian-bounded"] = setting(
+        "auto", "R from distances or from the curvature of the irradiance, limited by its gradient or not", source=PLACEMENT
     )
 
     @property
     def neighbours(self) -> bool:
         """Neighbour clamping is not offered: radii would depend on records of later frames."""
         return False
+
+    @property
+    def by_curvature(self) -> str:
+        """The gradient limits radii too: without it hot spots near what moves are extrapolated wildly until renewal."""
+        return "hessian-bounded"
 
 
 class TemporalRadianceCaching(SequenceMethod):
@@ -149,14 +158,10 @@ class _Run:
         self.scene, self.settings = scene, settings
         mode = settings.gradients_in_time
         self.policy = Policy(
-            settings.a_t,
-            settings.delta_max,
-            settings.cache,
-            settings.guard,
-            settings.stagger,
-            frozen=mode == "none",
-            follows=settings.follow and settings.cache == "temporal",
-        )
+            settings.a_t, settings.delta_max, settings.cache, settings.guard, settings.stagger,
+            frozen=mode == "none", follows=settings.follow and settings.cache == "temporal",
+            curved=settings.lifespan == "chord" and mode == "interpolated",
+        )  # fmt: skip
         self.cache = TemporalCache(self.policy)
         self.interpolates = self.policy.foresees and mode == "interpolated" and bool(scene.channels)
         self.motion: Motion | None = None

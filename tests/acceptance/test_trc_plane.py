@@ -27,7 +27,8 @@ METHOD = TemporalRadianceCaching()
 SIZE = (24, 24)
 COARSE = {"rays": 256, "a": 0.4}
 PUBLISHED = {
-    "sampler": "plane", "prediction": "reproject", "footprints": 1, "sparse": 1, "follow": False, "stagger": False, "guard": False,
+    "sampler": "plane", "prediction": "reproject", "lifespan": "rate", "footprints": 1, "sparse": 1, "follow": False,
+    "stagger": False, "guard": False,
 }  # fmt: skip
 
 
