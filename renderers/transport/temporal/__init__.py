@@ -9,7 +9,8 @@
 | `prediction` | the same hemispheres one frame ahead: cast anew where something moved, or by reprojection |
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
 | `plane` | the square sampling plane of the publication: weights, moments, reprojection; oracle of the GL passes |
-| `records` | records in time: temporal gradients, values at a frame |
+| `trends` | temporal gradients of all that records hold |
+| `records` | records in time: values at a frame |
 | `pending` | frames that wait for the successors of their records |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
 | `overlay` | where records lie and how long they live, as a picture |

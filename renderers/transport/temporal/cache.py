@@ -30,10 +30,11 @@ from renderers.transport.caching.records import Float, Records, Sites
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.temporal.anchors import anchors, departures
 from renderers.transport.temporal.coverage import coverage, needed
-from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
+from renderers.transport.temporal.lifespan import FOREVER, change_rate, dark_level, lifespan, staggered
 from renderers.transport.temporal.motion import Motion
-from renderers.transport.temporal.records import Timed, Trends
+from renderers.transport.temporal.records import Timed
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
+from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -194,7 +195,7 @@ class TemporalCache:
             return
         found = Computed.joined(made)
         if self.least is None:
-            self.least = darkness(found.now.irradiance)
+            self.least = dark_level(found.now)
         place = self.places + np.arange(len(records))
         strikes = np.where(found.foreseen, 0, MOST_STRIKES)
         rest = np.where(found.foreseen, 0, 1 + place % 2**MOST_STRIKES)
@@ -210,14 +211,12 @@ class TemporalCache:
         count = len(records)
         trends = Trends.none(count)
         if self.policy.foresees and not self.policy.frozen:
-            shrink = _shrinkage(now.translation, records.translation)
-            trends = Trends.between(now, later, np.ones(count))
-            trends = replace(trends, translation=trends.translation * shrink[:, None, None])
+            trends = Trends.between(now, later, np.ones(count)).shrunk(_shrinkage(now.translation, records.translation))
         if self.policy.keeping != "temporal":
             life = np.full(count, FOREVER if self.policy.keeping == "static" else 1)
             return Timed.of(records, trends, sites, place, frame, life, strikes, rest)
         assert self.least is not None
-        life = lifespan(irradiance_rate(now.irradiance, later.irradiance, self.least), self.policy.a_t, self.policy.longest)
+        life = lifespan(change_rate(now, later, self.least), self.policy.a_t, self.policy.longest)
         life = np.where(foreseen, life, 1)
         strikes = np.where(foreseen, np.where(life > 1, 0, np.minimum(strikes + 1, MOST_STRIKES)), strikes)
         rest = np.where(foreseen, np.where(strikes > 0, 2**strikes - 1, 0), np.maximum(rest - 1, 0))

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.transport.caching.records import Float
+from renderers.transport.caching.records import Float, Records
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -45,6 +45,24 @@ def darkness(irradiance: Float) -> float:
     """E_min for irradiances (K, 3): so much less than their mean that nobody sees it; a positive number even in the dark."""
     mean = float(irradiance.mean()) if irradiance.size else 0.0
     return DARK * mean if mean > 0 else 1e-30
+
+
+def change_rate(now: Records, later: Records, least: float) -> F64:
+    """|τ - 1| per frame, (K,), of records now and one frame later: of their coefficients, where they carry radiance.
+
+    least: see `dark_level`. Coefficients of all channels count as those of one function, so that its brightest channel decides.
+    """
+    if now.coefficients is None or later.coefficients is None:
+        return irradiance_rate(now.irradiance, later.irradiance, least)
+    count = len(now)
+    return radiance_rate(now.coefficients.reshape(count, -1), later.coefficients.reshape(count, -1), least)
+
+
+def dark_level(records: Records) -> float:
+    """The floor of `change_rate` for records: `darkness` of irradiance, or of the norms of coefficients."""
+    if records.coefficients is None:
+        return darkness(records.irradiance)
+    return darkness(np.linalg.norm(records.coefficients, axis=(1, 2))[:, None])
 
 
 def lifespan(rate: F64, a_t: float, longest: int) -> I64:

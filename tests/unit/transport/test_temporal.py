@@ -14,7 +14,8 @@ from renderers.transport.temporal.anchors import anchors, carried
 from renderers.transport.temporal.coverage import coverage
 from renderers.transport.temporal.motion import crossing, motion_between
 from renderers.transport.temporal.overlay import overlay
-from renderers.transport.temporal.records import Timed, Trends, succeeded
+from renderers.transport.temporal.records import Timed, succeeded
+from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
 
