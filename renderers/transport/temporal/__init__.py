@@ -11,6 +11,8 @@
 | `plane` | the square sampling plane of the publication: weights, moments, reprojection; oracle of the GL passes |
 | `trends` | temporal gradients of all that records hold |
 | `records` | records in time: values at a frame |
+| `views` | pixels of a frame's views: diffuse, glossy, traced |
+| `layers` | what each cache gives the frames |
 | `pending` | frames that wait for the successors of their records |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
 | `overlay` | where records lie and how long they live, as a picture |

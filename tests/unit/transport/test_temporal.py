@@ -177,7 +177,7 @@ def test_overlay_draws_visible_records_in_the_colours_of_their_lives() -> None:
     from dataclasses import replace
 
     picture = overlay(
-        replace(timed, sites=sites, life=np.array([1, 20, 10, 10])),
+        [replace(timed, sites=sites, life=np.array([1, 20, 10, 10]))],
         20,
         world.camera,
         gbuffer.position,
