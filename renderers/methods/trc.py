@@ -4,8 +4,11 @@
     life_k = min(δ_max, ⌊a_t / |τ - 1|⌋ + 1)           frames that record k serves; then it is renewed in place, or deleted
     E_k(t) = E_k + ∇ᵗE (t - t_k)                       and likewise both spatial gradients
 
-Passes of each frame: gbuffer, records (expired ones renewed, misses filled, splatted), direct; look-ahead: the successors of the
-last frames' records, in the range's last frame; splat: the second pass of `gradients=interpolated`.
+Glossy pixels have records of incoming radiance, as in `rcs`, whose coefficients and their gradients change in time likewise.
+
+Passes of each frame: gbuffer, direct, lobes (those that no record holds), records (expired ones renewed, misses filled, splatted);
+look-ahead: the successors of the last frames' records, in the range's last frame; splat: the second pass of interpolation, and
+the light of glossy pixels.
 
 | setting       | default      | unit  | range                            | meaning                                              |
 | ------------- | ------------ | ----- | -------------------------------- | ---------------------------------------------------- |
@@ -16,6 +19,7 @@ last frames' records, in the range's last frame; splat: the second pass of `grad
 | footprints    | 4            | 1     | 1 … 8                            | points a side that a reprojected hit covers          |
 | sparse        | 4            | 1     | 1 … 64                           | one ray in so many is foreseen where all change      |
 | cache         | temporal     |       | temporal, per-frame, static      | renewed by lifespan, every frame, never              |
+| glossy_rate   | norm         |       | norm, coefficients               | what of a radiance record decides on its life        |
 | guard         | true         |       |                                  | no foresight where lives stay at one frame           |
 | stagger       | true         |       |                                  | records made together don't expire together          |
 | follow        | true         |       |                                  | places on surfaces that move go with them            |
@@ -26,6 +30,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -60,6 +65,11 @@ class TrcSettings(RecordSettings):
     """Settings of temporal radiance caching."""
 
     a_t: float = setting(0.05, "relative change of light that a record may be used through", source=SOURCE + ".4.1", ge=1e-4, le=10)
+    glossy_rate: Literal["norm", "coefficients"] = setting(
+        "norm",
+        "change of a radiance record: that of its coefficients as one function, or, if larger, that of any notable one of them",
+        source="luxmeter",
+    )
     delta_max: int = setting(20, "longest life of a record", unit="frame", source=SOURCE + ".4.1", ge=1, le=1000)
     gradients_in_time: Literal["none", "extrapolated", "interpolated"] = setting(
         "interpolated", "records frozen, extrapolated in time, or interpolated towards their successors", source=SOURCE + ".4.3"
@@ -92,7 +102,7 @@ class TrcSettings(RecordSettings):
 
 
 class TemporalRadianceCaching(SequenceMethod):
-    """Direct light plus one diffuse bounce, interpolated between records that outlive their frame."""
+    """Direct light plus one bounce, interpolated between records that outlive their frame."""
 
     name = "trc"
     title = "Temporal radiance caching"
@@ -100,8 +110,8 @@ class TemporalRadianceCaching(SequenceMethod):
     Settings = TrcSettings
     claims: ClassVar = {
         "diffuse": Claim("approximated", "indirect light is interpolated between records, within the accuracy a"),
-        "glossy": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
-        "specular": Claim("approximated", "indirect light is reflected as by a diffuse surface of the same mean albedo"),
+        "glossy": Claim("approximated", "indirect light is interpolated between radiance records; sharper lobes are traced"),
+        "specular": Claim("approximated", "lobes are traced by a few rays a pixel: noise"),
         "animated_geometry": Claim(
             "approximated", "indirect light may lag by a_t, and by up to delta_max frames after a sudden change"
         ),
@@ -235,7 +245,8 @@ class _Run:
         if gloss.order and GLOSSY not in self.layers:
             prepare_turns(gloss.order)
             self.order = gloss.order
-            self.layers[GLOSSY] = Layer(self.policy, self.interpolates)
+            policy = replace(self.policy, together=self.settings.glossy_rate == "norm")
+            self.layers[GLOSSY] = Layer(policy, self.interpolates)
         return gloss if gloss.shiny or GLOSSY in self.layers else None
 
     def _stage(self, name: str, context: Context, counters: Counter[str]) -> Stage:

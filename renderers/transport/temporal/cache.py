@@ -45,7 +45,7 @@ MOST_STRIKES = 4
 @dataclass(frozen=True)
 class Policy:
     """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
-    frozen: no trends; follows: places go with surfaces that move."""
+    frozen: no trends; follows: places go with surfaces that move; together: see `lifespan.change_rate`."""
 
     a_t: float = 0.05
     longest: int = 20
@@ -54,6 +54,7 @@ class Policy:
     stagger: bool = True
     frozen: bool = False
     follows: bool = True
+    together: bool = False
 
     @property
     def foresees(self) -> bool:
@@ -216,7 +217,7 @@ class TemporalCache:
             life = np.full(count, FOREVER if self.policy.keeping == "static" else 1)
             return Timed.of(records, trends, sites, place, frame, life, strikes, rest)
         assert self.least is not None
-        life = lifespan(change_rate(now, later, self.least), self.policy.a_t, self.policy.longest)
+        life = lifespan(change_rate(now, later, self.least, self.policy.together), self.policy.a_t, self.policy.longest)
         life = np.where(foreseen, life, 1)
         strikes = np.where(foreseen, np.where(life > 1, 0, np.minimum(strikes + 1, MOST_STRIKES)), strikes)
         rest = np.where(foreseen, np.where(strikes > 0, 2**strikes - 1, 0), np.maximum(rest - 1, 0))
