@@ -25,8 +25,10 @@ def backend_of(backend: str, device: str) -> str:
     return "cpu" if is_software(device) else "gl"
 
 
-def samplers_of(world: World, settings: Any, seed: int, counters: Counter[str]) -> tuple[TemporalSampler, TemporalSampler]:
-    """What computes the records of a frame, and what finds the distances that say where they go."""
+def samplers_of(
+    world: World, settings: Any, seed: int, counters: Counter[str], order: int | None
+) -> tuple[TemporalSampler, TemporalSampler]:
+    """What computes the records of a frame, and what finds the distances that say where they go. order: of radiance records."""
     from renderers.transport.caching.hemisphere import grid_of
     from renderers.transport.caching.incoming import ReflectedDirectLight
     from renderers.transport.caching.plane import side_of
@@ -35,6 +37,8 @@ def samplers_of(world: World, settings: Any, seed: int, counters: Counter[str]) 
 
     incoming = ReflectedDirectLight(world)
     pilot = TemporalSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters)
+    if order is not None:
+        return TemporalSampler(world, grid_of(settings.glossy_rays), incoming, seed, counters, settings.sparse, order), pilot
     if settings.sampler == "plane":
         return TemporalPlaneSampler(world, side_of(settings.rays), incoming, seed, counters, settings.sparse), pilot
     return TemporalSampler(world, grid_of(settings.rays), incoming, seed, counters, settings.sparse), pilot

@@ -3,6 +3,7 @@
 | module | what it gives |
 | --- | --- |
 | `lifespan` | change rates of irradiance and of radiance coefficients, lifespans |
+| `chords` | longer lives of records that are interpolated in time |
 | `motion` | what differs between the Worlds of two frames |
 | `anchors` | which surface a place lies on, and where it goes |
 | `sampling` | hemispheres whose hits are kept, at places numbered once for all |
@@ -10,7 +11,10 @@
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
 | `plane_sampling` | hemispheres seen through one square plane, as published, and their reprojection |
 | `plane` | points drawn into such planes, nearest first, holes filled; twin of the GL pass |
-| `records` | records in time: temporal gradients, values at a frame |
+| `trends` | temporal gradients of all that records hold |
+| `records` | records in time: values at a frame |
+| `views` | pixels of a frame's views: diffuse, glossy, traced |
+| `layers` | what each cache gives the frames |
 | `pending` | frames that wait for the successors of their records |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
 | `overlay` | where records lie and how long they live, as a picture |

@@ -176,9 +176,10 @@ class Reprojection:
         shaded = then.shaded
         if not then.moves.any():
             return shaded.radiance, shaded.nearness, shaded.rays
-        seen = cast.seen
+        seen, sampler = cast.seen, self._sampler
         moved = Moved(seen.ray, seen.position, then.position, seen.geometric, then.moves)
-        radiance, nearness = reprojected(cast, moved, shaded.radiance, self._sampler.grid, self._footprints)
+        solid = sampler.equal_solid_angle
+        radiance, nearness = reprojected(cast, moved, shaded.radiance, sampler.grid, self._footprints, solid)
         return radiance, nearness, shaded.rays
 
 
