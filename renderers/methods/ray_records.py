@@ -38,6 +38,16 @@ class RecordSettings(Settings):
     order: Literal["batched", "sequential"] = setting(
         "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
     )
+    glossy: Literal["records", "diffuse"] = setting(
+        "records", "glossy surfaces by radiance records, or as diffuse ones of the same mean albedo", source="Gautron 2006 §4.4"
+    )
+    glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
+    glossy_rays: int = setting(16384, "rays a radiance record", ge=16, le=65536)
+    harmonics: int | None = setting(
+        None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
+    )
+    sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
+    lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
 
     @property
@@ -62,6 +72,11 @@ def placement_of(world: World, height: int, settings: Any, seed: int) -> Placeme
         metric="hessian" if by_curvature else "split-sphere",
     )
     return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=by_curvature)
+
+
+def glossy_placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
+    """The same for radiance records, whose curvature nobody knows."""
+    return placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
 
 
 def chosen_placement(settings: Any) -> str:

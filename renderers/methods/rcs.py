@@ -53,7 +53,15 @@ from pydantic import model_validator
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Transport, register, setting
 from renderers.methods.one_bounce import is_software
-from renderers.methods.ray_records import BY_CURVATURE, PILOT_RAYS, RecordSettings, chosen_placement, placement_of, warm_up
+from renderers.methods.ray_records import (
+    BY_CURVATURE,
+    PILOT_RAYS,
+    RecordSettings,
+    chosen_placement,
+    glossy_placement_of,
+    placement_of,
+    warm_up,
+)
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -90,16 +98,6 @@ class RcsSettings(RecordSettings):
     bounces: Literal["one", "all"] = setting(
         "one", "one bounce, or all: hits of rays reflect the light of a coarse cache too", source="Ward 1988"
     )
-    glossy: Literal["records", "diffuse"] = setting(
-        "records", "glossy surfaces by radiance records, or as diffuse ones of the same mean albedo", source="Gautron 2006 §4.4"
-    )
-    glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
-    glossy_rays: int = setting(16384, "rays a radiance record", ge=16, le=65536)
-    harmonics: int | None = setting(
-        None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
-    )
-    sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
-    lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     backend: Literal["auto", "gl", "cpu"] = setting(
         "auto", "where a view's splat of earlier views' records runs; auto: by a table on the device string"
     )
@@ -203,7 +201,7 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
             from renderers.transport.caching.glossy import warm_up as prepare_turns
 
             prepare_turns(gloss.order)
-        how = placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
+        how = glossy_placement_of(world, height, settings, seed)
         radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records, splat)
     return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
 

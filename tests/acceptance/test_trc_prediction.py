@@ -16,8 +16,9 @@ from renderers.transport.caching.splat import gather
 from renderers.transport.temporal.motion import Motion, motion_between
 from renderers.transport.temporal.plane import Plane
 from renderers.transport.temporal.prediction import RayCast, Reprojection
-from renderers.transport.temporal.records import Timed, Trends
+from renderers.transport.temporal.records import Timed
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
+from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
 PLANE = Plane(64, 2.0)

@@ -8,15 +8,10 @@ The modulus is missing in the printed weight: without it a record whose light fa
     |τ - 1| = max_c |E_1c - E_0c| / max(max_c E_0c, E_min)                                    of irradiance, c: colour channels
     |τ - 1| = max( max_{i ∈ I} |λ_1i/λ_0i - 1|, ‖λ_1 - λ_0‖ / ‖λ_0‖ ),  I = {i: |λ_0i| ≥ 10⁻² ‖λ_0‖}           of coefficients λ
 
-The printed max_i λ_1i/λ_0i takes one unchanged coefficient for a static scene and a tiny one that grows for a great change.
-
-Interpolated records (not in the publication) may live longer: between a record and its successor the value goes along a chord,
-which is off by |E''| L²/8 in the middle of L frames, however fast the light changes. E'' is known where a place has had records
-before, from divided differences through its last ones and the frame foreseen; the greatest counts, and lives at most double:
-
-    life = max(life above, min(δ_max, 2 L_before, ⌊√(8 · CHORD a_t E_k / |E''|)⌋))
-
-as step sizes are chosen in solvers of differential equations, from the error that the steps before would have made.
+The printed max_i λ_1i/λ_0i takes one unchanged coefficient for a static scene and a tiny one that grows for a great change. By
+default the norms alone decide: they are the relative change of the radiance function, of which a single coefficient is a small
+part. In a box with glossy walls and a turning cube the maximum over coefficients makes three times as many records for the same
+error.
 """
 
 from __future__ import annotations
@@ -24,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderers.transport.caching.records import Float
+from renderers.transport.caching.records import Float, Records
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -32,7 +27,6 @@ TIE = 1e-9  # relative: exact ties count as admitted, as "≥" demands, whatever
 NOTABLE = 1e-2
 DARK = 1e-4
 FOREVER = 1 << 40
-CHORD = 0.25  # of a_t: with a half, errors under a moving light rise by a tenth
 
 
 def irradiance_rate(now: Float, next_: Float, least: float) -> F64:
@@ -43,8 +37,7 @@ def irradiance_rate(now: Float, next_: Float, least: float) -> F64:
 
 def radiance_rate(now: Float, next_: Float, least: float) -> F64:
     """|τ - 1| per frame, (K,), of coefficients (K, n) now and one frame later; least > 0: floor of ‖λ_0‖."""
-    norm = np.linalg.norm(now, axis=1)
-    whole = np.linalg.norm(next_ - now, axis=1) / np.maximum(norm, least)
+    norm, whole = np.linalg.norm(now, axis=1), norm_rate(now, next_, least)
     notable = (np.abs(now) >= NOTABLE * norm[:, None]) & (np.abs(now) > NOTABLE * least)
     single = np.where(notable, np.abs(next_ - now) / np.where(notable, np.abs(now), 1), 0)
     return np.asarray(np.maximum(single.max(axis=1, initial=0.0), whole))
@@ -56,32 +49,35 @@ def darkness(irradiance: Float) -> float:
     return DARK * mean if mean > 0 else 1e-30
 
 
+def norm_rate(now: Float, next_: Float, least: float) -> F64:
+    """The second part of `radiance_rate`, (K,): the relative change of the radiance function, whose basis is orthonormal."""
+    return np.asarray(np.linalg.norm(next_ - now, axis=1) / np.maximum(np.linalg.norm(now, axis=1), least))
+
+
+def change_rate(now: Records, later: Records, least: float, together: bool = False) -> F64:
+    """|τ - 1| per frame, (K,), of records now and one frame later: of their coefficients, where they carry radiance.
+
+    least: see `dark_level`. Coefficients of all channels count as those of one function, so that its brightest channel decides;
+    together: by the relative change of that function alone (its norm), not of any single coefficient.
+    """
+    if now.coefficients is None or later.coefficients is None:
+        return irradiance_rate(now.irradiance, later.irradiance, least)
+    count = len(now)
+    first, last = now.coefficients.reshape(count, -1), later.coefficients.reshape(count, -1)
+    return norm_rate(first, last, least) if together else radiance_rate(first, last, least)
+
+
+def dark_level(records: Records) -> float:
+    """The floor of `change_rate` for records: `darkness` of irradiance, or of the norms of coefficients."""
+    if records.coefficients is None:
+        return darkness(records.irradiance)
+    return darkness(np.linalg.norm(records.coefficients, axis=(1, 2))[:, None])
+
+
 def lifespan(rate: F64, a_t: float, longest: int) -> I64:
     """Frames (K,), at least 1, for rates (K,) ≥ 0 and a_t > 0, δ_max = longest ≥ 1."""
     frames = np.where(rate > 0, a_t / np.where(rate > 0, rate, 1) * (1 + TIE), np.inf)
     return np.asarray(np.minimum(np.floor(np.minimum(frames, longest)) + 1, longest), np.int64)
-
-
-def curvature(earlier: F64, span: I64, slope: F64, frames: I64, ahead: F64, foreseen: NDArray[np.bool_]) -> F64:
-    """Greatest second derivative per frame² of any channel, (K,), ∞ where it is unknown.
-
-    Light changed by `earlier` (K, n) a frame over `span` (K,) frames, then by `slope` (K, n) a frame over `frames` (K,) ≥ 1 frames,
-    and will, where `foreseen` (K,), change by `ahead` (K, n) in the next one. span 0: nothing earlier is known; span -1: `earlier`
-    is the change from the first of `frames` to the second, a stretch that leads back in time.
-    """
-    known = (span != 0) & (span + frames != 0)
-    width = np.where(known, span + frames, 1)
-    past = np.where(known, 2 * np.abs(slope - earlier).max(axis=1) / np.abs(width), 0)
-    coming = np.where(foreseen, 2 * np.abs(ahead - slope).max(axis=1) / (frames + 1), 0)
-    return np.asarray(np.where(known | foreseen, np.maximum(past, coming), np.inf))
-
-
-def chord_lifespan(bend: F64, error: float, longest: int) -> I64:
-    """Frames (K,), at least 1, through which chords of light with second derivative `bend` (K,) ≥ 0, relative to the light, are off
-    by at most `error`."""
-    curved = bend > 0
-    frames = np.where(curved, np.sqrt(8 * error / np.where(curved, bend, 1)) * (1 + TIE), np.inf)
-    return np.asarray(np.clip(np.floor(np.minimum(frames, longest)), 1, longest), np.int64)
 
 
 def staggered(life: I64, number: I64, longest: int) -> I64:
