@@ -23,7 +23,8 @@ depend on the order of the records, and after the records every pixel is reached
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
 | r_max         | 2       | r    | 10⁻⁶ … 1000                   | largest R, in scene radii                                  |
 | footprint     | 1       | px   | 0 … 100                       | smallest reach a·R of a record, in pixels                  |
-| placement     | auto    |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
+| placement     | auto    |      | split-sphere, bounded,        | R from distances or from curvature, limited by the         |
+|               |         |      | hessian, hessian-bounded      | gradient or not                                            |
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
@@ -52,7 +53,15 @@ from pydantic import model_validator
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Transport, register, setting
 from renderers.methods.one_bounce import is_software
-from renderers.methods.ray_records import PILOT_RAYS, RecordSettings, chosen_placement, glossy_placement_of, placement_of, warm_up
+from renderers.methods.ray_records import (
+    BY_CURVATURE,
+    PILOT_RAYS,
+    RecordSettings,
+    chosen_placement,
+    glossy_placement_of,
+    placement_of,
+    warm_up,
+)
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -79,9 +88,9 @@ class RcsSettings(RecordSettings):
         "auto",
         "light of what hemicubes see: by shadow rays, or (one bounce alone) by shadow maps; auto: by a table on the device string",
     )
-    placement: Literal["auto", "split-sphere", "bounded", "hessian"] = setting(
+    placement: Literal["auto", "split-sphere", "bounded", "hessian", "hessian-bounded"] = setting(
         "auto",
-        "R from distances alone, limited by the gradient, or from the curvature of the irradiance; auto: hessian but for the plane",
+        "R from distances or from the curvature of the irradiance, limited by its gradient or not; auto: hessian but for the plane",
         source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
     neighbours: bool = setting(False, "neighbour clamping of R", source="Křivánek et al. 2006")
@@ -98,8 +107,8 @@ class RcsSettings(RecordSettings):
         """Raises ValueError where the sampler doesn't know what another setting needs."""
         if self.hemicube_shadows == "mapped" and self.bounces == "all":
             raise ValueError("hemicube_shadows=mapped knows direct light alone: bounces=all needs cast or auto")
-        if self.sampler == "plane" and self.placement == "hessian":
-            raise ValueError("placement=hessian needs sampler=polar or hemicube: the plane knows no curvature")
+        if self.sampler == "plane" and self.placement in BY_CURVATURE:
+            raise ValueError(f"placement={self.placement} needs sampler=polar or hemicube: the plane knows no curvature")
         return self
 
 

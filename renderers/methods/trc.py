@@ -14,6 +14,7 @@ the light of glossy pixels.
 | ------------- | ------------ | ----- | -------------------------------- | ---------------------------------------------------- |
 | a_t           | 0.05         | 1     | 10⁻⁴ … 10                        | relative change that a record may be used through    |
 | delta_max     | 20           | frame | 1 … 1000                         | longest life                                         |
+| lifespan      | chord        |       | rate, chord                      | lives by the change of light, or by its curvature too |
 | gradients_in_time | interpolated |   | none, extrapolated, interpolated | ∇ᵗ                                                   |
 | prediction    | raycast      |       | raycast, reproject               | how the next frame is foreseen                       |
 | footprints    | 4            | 1     | 1 … 8                            | points a side that a reprojected hit covers          |
@@ -23,7 +24,7 @@ the light of glossy pixels.
 | guard         | true         |       |                                  | no foresight where lives stay at one frame           |
 | stagger       | true         |       |                                  | records made together don't expire together          |
 | follow        | true         |       |                                  | places on surfaces that move go with them            |
-| a … subpixels |              |       |                                  | as `rcs`, with R from the gradient-limited distances  |
+| a … subpixels |              |       |                                  | as `rcs`, with R from curvature and gradient           |
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.float64]
 
-SOURCE = "Gautron 2006 §5"
+SOURCE, PLACEMENT = "Gautron 2006 §5", "Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012"
 COUNTED = (
     "pixels_covered", "pixels_missed", "predictions", "rays", "records", "records_ahead", "records_alive", "records_deleted",
     "records_kept", "records_new", "records_renewed", "splat_tests", "splats",
@@ -71,6 +72,11 @@ class TrcSettings(RecordSettings):
         source="luxmeter",
     )
     delta_max: int = setting(20, "longest life of a record", unit="frame", source=SOURCE + ".4.1", ge=1, le=1000)
+    lifespan: Literal["rate", "chord"] = setting(
+        "chord",
+        "lives end where the change foreseen reaches a_t, or, where records are interpolated in time, the error of that does",
+        source=SOURCE + ".4.1; luxmeter",
+    )
     gradients_in_time: Literal["none", "extrapolated", "interpolated"] = setting(
         "interpolated", "records frozen, extrapolated in time, or interpolated towards their successors", source=SOURCE + ".4.3"
     )
@@ -89,16 +95,19 @@ class TrcSettings(RecordSettings):
     guard: bool = setting(True, "places whose records live for one frame are foreseen more and more seldom")
     stagger: bool = setting(True, "first lives are cut, so that records made together don't expire together")
     follow: bool = setting(True, "places on surfaces that move go with them; off, as published: all stay where they were made")
-    placement: Literal["split-sphere", "bounded", "hessian"] = setting(
-        "bounded",
-        "R from distances alone, limited by the gradient as well, or from the curvature of the irradiance",
-        source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
+    placement: Literal["auto", "split-sphere", "bounded", "hessian", "hessian-bounded"] = setting(
+        "auto", "R from distances or from the curvature of the irradiance, limited by its gradient or not", source=PLACEMENT
     )
 
     @property
     def neighbours(self) -> bool:
         """Neighbour clamping is not offered: radii would depend on records of later frames."""
         return False
+
+    @property
+    def by_curvature(self) -> str:
+        """The gradient limits radii too: without it hot spots near what moves are extrapolated wildly until renewal."""
+        return "hessian-bounded"
 
 
 class TemporalRadianceCaching(SequenceMethod):
@@ -157,6 +166,7 @@ class _Run:
             settings.stagger,
             frozen=mode == "none",
             follows=settings.follow and settings.cache == "temporal",
+            curved=settings.lifespan == "chord" and mode == "interpolated",
         )
         self.interpolates = self.policy.foresees and mode == "interpolated" and bool(scene.channels)
         self.layers = {DIFFUSE: Layer(self.policy, self.interpolates)}
@@ -245,7 +255,8 @@ class _Run:
         if gloss.order and GLOSSY not in self.layers:
             prepare_turns(gloss.order)
             self.order = gloss.order
-            policy = replace(self.policy, together=self.settings.glossy_rate == "norm")
+            # nobody knows the curvature in time of coefficients
+            policy = replace(self.policy, curved=False, together=self.settings.glossy_rate == "norm")
             self.layers[GLOSSY] = Layer(policy, self.interpolates)
         return gloss if gloss.shiny or GLOSSY in self.layers else None
 

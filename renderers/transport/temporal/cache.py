@@ -27,10 +27,21 @@ from numpy.typing import NDArray
 from renderers.transport.caching.limits import limited
 from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.records import Float, Records, Sites
+from renderers.transport.caching.sight import Blocked, in_sight
 from renderers.transport.caching.splat import Canvas
+from renderers.transport.raycast import caster_of
 from renderers.transport.temporal.anchors import anchors, departures
 from renderers.transport.temporal.coverage import coverage, needed
-from renderers.transport.temporal.lifespan import FOREVER, change_rate, dark_level, lifespan, staggered
+from renderers.transport.temporal.lifespan import (
+    CHORD,
+    FOREVER,
+    change_rate,
+    chord_lifespan,
+    curvature,
+    dark_level,
+    lifespan,
+    staggered,
+)
 from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.records import Timed
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
@@ -45,7 +56,8 @@ MOST_STRIKES = 4
 @dataclass(frozen=True)
 class Policy:
     """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
-    frozen: no trends; follows: places go with surfaces that move; together: see `lifespan.change_rate`."""
+    frozen: no trends; follows: places go with surfaces that move; curved: lives as `lifespan.chord_lifespan`, too; together: see
+    `lifespan.change_rate`."""
 
     a_t: float = 0.05
     longest: int = 20
@@ -54,6 +66,7 @@ class Policy:
     stagger: bool = True
     frozen: bool = False
     follows: bool = True
+    curved: bool = False
     together: bool = False
 
     @property
@@ -81,6 +94,11 @@ class Stage(NamedTuple):
     still: bool
     changed: int
     past: Motion | None = None
+
+    @property
+    def blocked(self) -> Blocked | None:
+        """What hides a point from another, for placements that see."""
+        return caster_of(self.sampler.world).occluded if self.placement.sees else None
 
 
 class Computed(NamedTuple):
@@ -129,7 +147,7 @@ class TemporalCache:
 
         for view in views:
             view.canvas.add(values, placement.a, placement.weight, placement.gradients, counters)
-            values = fill(view.canvas, view.sites, compute, stage.distances.distances, placement, values)
+            values = fill(view.canvas, view.sites, compute, stage.distances.distances, placement, values, blocked=stage.blocked)
         self._adopt(stage, values.rows(slice(len(self.live), None)), made, counters)
         self.live = cover(self.live, stage, views)
         counters["records_alive"] += len(self.live)
@@ -155,8 +173,8 @@ class TemporalCache:
         resting = ~same & (old.rest > 0)
         renewed = Timed.joined(
             self._kept(old.rows(same), stage.frame),
-            self._computed(old.rows(resting), stage, None),
-            self._computed(old.rows(~same & ~resting), stage, stage.ahead),
+            self._computed(old.rows(resting), stage, None, views),
+            self._computed(old.rows(~same & ~resting), stage, stage.ahead, views),
         )
         self.live = _by_place(Timed.joined(self.live.rows(~over), renewed))
         return _by_place(renewed)
@@ -174,20 +192,38 @@ class TemporalCache:
         """Records that would come out as they are."""
         count = len(old)
         life = np.full(count, self.policy.longest)
-        return Timed.of(
-            old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest
-        ).turned_as(old)
+        kept = Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
+        return replace(kept.turned_as(old), span=frame - old.born)
 
-    def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
-        """Successors, their light foreseen where `ahead` is given."""
+    def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None, views: Sequence[View]) -> Timed:
+        """Successors, their light foreseen where `ahead` is given; they see their zones of the views, if the placement does."""
         if not len(old):
             return Timed.empty()
         now, later = stage.sampler.sample(old.sites, old.place, ahead, old.tangents)
         foreseen = np.full(len(old), ahead is not None or stage.still)
         # neighbours among records that are still to come would make a frame depend on those after it
-        records = limited(now, replace(stage.placement.limits, neighbours=False))
+        placement, blocked = stage.placement, stage.blocked
+        records = limited(now, replace(placement.limits, neighbours=False))
+        if blocked is not None:
+            for view in views:
+                records = in_sight(records, view.canvas, placement.a, placement.weight, blocked)
         computed = Computed(old.sites, now, later, foreseen)
-        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
+        new = self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
+        return self._curved(new, old, computed) if self.policy.curved else new
+
+    def _curved(self, new: Timed, old: Timed, computed: Computed) -> Timed:
+        """Successors of old records, living as long as chords do."""
+        assert self.least is not None
+        frames = new.born - old.born
+        slope = (computed.now.irradiance - old.records.irradiance) / frames[:, None]
+        ahead = computed.later.irradiance - computed.now.irradiance
+        bend = curvature(old.slope, old.span, slope, frames, ahead, computed.foreseen)
+        bend /= np.maximum(computed.now.irradiance.max(axis=1), self.least)
+        chord = np.minimum(chord_lifespan(bend, CHORD * self.policy.a_t, self.policy.longest), 2 * frames)
+        life = np.maximum(new.life, chord)
+        lasting = life > 1
+        strikes, rest = np.where(lasting, 0, new.strikes), np.where(lasting, 0, new.rest)
+        return replace(new, life=life, strikes=strikes, rest=rest, slope=slope, span=frames)
 
     def _adopt(self, stage: Stage, records: Records, made: list[Computed], counters: Counter[str]) -> None:
         """Take in records of new places."""
@@ -203,6 +239,9 @@ class TemporalCache:
         new = self._timed(stage.frame, records, found, place, strikes, rest)
         if self.policy.stagger and self.policy.keeping == "temporal":
             new = replace(new, life=staggered(new.life, place, self.policy.longest))
+        if self.policy.curved:
+            change = found.later.irradiance - found.now.irradiance
+            new = replace(new, slope=change, span=np.where(found.foreseen, -1, 0))
         self.places += len(records)
         self.live = Timed.joined(self.live, new)
 

@@ -31,8 +31,9 @@ Gradients = Literal["none", "extrapolated", "interpolated"]
 @dataclass(frozen=True, eq=False)
 class Timed:
     """K records in time. sites: where they are; place (K,): number of the place; born (K,): frame computed; life (K,): frames it
-    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`. made (K, 3): normal
-    of the place when it was made, and turn (K, 3, 3): its rotation since, where it goes with a surface that moves."""
+    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`. slope (K, 3), span (K,):
+    change of irradiance per frame before this record, and over how many frames, see `lifespan.curvature`. made (K, 3): normal of
+    the place when it was made, and turn (K, 3, 3): its rotation since, where it goes with a surface that moves."""
 
     records: Records
     trends: Trends
@@ -43,6 +44,8 @@ class Timed:
     covered: I64
     strikes: I64
     rest: I64
+    slope: F64
+    span: I64
     made: F64
     turn: F64
 
@@ -71,17 +74,21 @@ class Timed:
     ) -> Timed:
         """Records made in one frame, at new places. Coefficients are kept as they are splatted, in float32."""
         born, unknown = np.full(len(place), frame), np.full(len(place), -1)
+        count = len(place)
         single, light = _single(records), _single(trends)
+        slope, span = np.zeros((count, 3)), np.zeros(count, np.int64)
         return Timed(
-            replace(records, **single), replace(trends, **light), sites, place, born, life, unknown, strikes, rest, sites.normal,
-            unturned(len(place)),
+            replace(records, **single), replace(trends, **light), sites, place, born, life, unknown, strikes, rest, slope, span,
+            sites.normal, unturned(count),
         )  # fmt: skip
 
     @staticmethod
     def empty() -> Timed:
         """None."""
         nothing, three = np.zeros(0, np.int64), np.zeros((0, 3))
-        return Timed(Records.empty(), Trends.none(0), Sites(three, three, three), *(nothing,) * 6, three, unturned(0))
+        return Timed(
+            Records.empty(), Trends.none(0), Sites(three, three, three), *(nothing,) * 6, three, nothing, three, unturned(0)
+        )
 
     @staticmethod
     def joined(*parts: Timed) -> Timed:

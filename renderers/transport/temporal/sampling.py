@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.gradients import polar_moments
-from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, PolarSampler, grid_of, records_of
+from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, PolarSampler, grid_of, numbers_of, records_of
 from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.radiance import radiance_moments, radiance_records
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
-from renderers.transport.sampling import frame, generator
+from renderers.transport.sampling import frame
 from renderers.transport.seen import Seen, seen_along
 from renderers.transport.temporal.trends import Trends
 from renderers.transport.threads import chunks, in_threads
@@ -52,10 +52,11 @@ class Cast(NamedTuple):
     def part(self, places: I64, cells: I64) -> Cast:
         """Some cells (C,) of the hemispheres of some places (M,), in order."""
         rays = (places[:, None] * (len(self.origins) // len(self.tangents)) + cells).ravel()
-        number = np.full(len(self.origins), -1)
-        number[rays] = np.arange(len(rays))
-        kept = number[self.seen.ray] >= 0
-        columns: Any = (column[kept] for column in self.seen)
+        row = np.full(len(self.origins), -1)
+        row[self.seen.ray] = np.arange(len(self.seen.ray))
+        found = row[rays]
+        number = np.flatnonzero(found >= 0)
+        columns: Any = (column[found[number]] for column in self.seen)
         seen = Seen(*columns)
         hit: Any = (column[rays] for column in self.hits)
         random, radiance, nearness = self.random[places], self.radiance[rays], self.nearness[rays]
@@ -63,7 +64,7 @@ class Cast(NamedTuple):
         cell = np.arange(len(places))[:, None] * (len(self.origins) // len(self.tangents)) + cells
         return Cast(
             self.sites.rows(places), self.tangents[places], self.origins[rays], self.directions[rays], Hits(*hit),
-            seen._replace(ray=number[seen.ray]), random, radiance, nearness, cell.ravel(),
+            seen._replace(ray=number), random, radiance, nearness, cell.ravel(),
         )  # fmt: skip
 
 
@@ -99,29 +100,40 @@ class TemporalSampler(PolarSampler):
 
         tangents (N, 2, 3): axes of the hemispheres, where they aren't those of `sampling.frame`.
         """
-        size = max(1, RAYS_PER_TASK // self.grid.cells)
+        size, order = max(1, RAYS_PER_TASK // self.grid.cells), np.arange(len(places))
+        parts = chunks(len(order), size)
+        if ahead is not None:
+            # places that are foreseen alike go together
+            changes = ahead.changes(sites)
+            order, alike = np.argsort(changes, kind="stable"), int(np.count_nonzero(~changes))
+            parts = [
+                *chunks(alike, size),
+                *(slice(alike + part.start, alike + part.stop) for part in chunks(len(order) - alike, size)),
+            ]
 
         def task(part: slice) -> tuple[Records, Records, int]:
-            cast, rays = self.cast(sites.rows(part), places[part], None if tangents is None else tangents[part])
+            rows = order[part]
+            cast, rays = self.cast(sites.rows(rows), places[rows], None if tangents is None else tangents[rows])
             now = self._records(cast, cast.radiance, cast.nearness)
             if ahead is None:
                 return now, now, rays
             later, more = self.foreseen(cast, now, ahead)
             return now, later, rays + more
 
-        done = in_threads(task, chunks(len(sites.position), size))
+        done = in_threads(task, parts)
         self.counters["rays"] += sum(rays for _, _, rays in done)
-        self.counters["records"] += len(sites.position)
-        self.counters["predictions"] += 0 if ahead is None else len(sites.position)
-        return Records.joined([now for now, _, _ in done]), Records.joined([later for _, later, _ in done])
+        self.counters["records"] += len(places)
+        self.counters["predictions"] += 0 if ahead is None else len(places)
+        back = np.argsort(order)
+        return Records.joined([now for now, _, _ in done]).rows(back), Records.joined([later for _, later, _ in done]).rows(back)
 
     def cast(self, sites: Sites, places: I64, tangents: F64 | None = None) -> tuple[Cast, int]:
         """The hemispheres of a few places, and the number of rays cast. In the calling thread up to RAYS_PER_TASK rays."""
         cells = len(places) * self.grid.cells
         tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
-        random = np.stack([generator(self._seed, f"record {place}").random(8) for place in places])
+        random = np.stack([numbers_of(self._seed, int(place)) for place in places])
         origins, directions = self._rays(sites, tangents, random)
-        hits = self._caster.first_hit(origins, directions)
+        hits = self._caster.first_hit(origins, directions, self.grid)
         seen = seen_along(self.world, directions, hits)
         radiance, nearness = np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32)
         radiance[seen.ray], shadow_rays = self._incoming(seen, self._light_numbers(seen, random))
