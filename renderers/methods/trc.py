@@ -255,8 +255,7 @@ class _Run:
         if gloss.order and GLOSSY not in self.layers:
             prepare_turns(gloss.order)
             self.order = gloss.order
-            # nobody knows the curvature in time of coefficients
-            policy = replace(self.policy, curved=False, together=self.settings.glossy_rate == "norm")
+            policy = replace(self.policy, together=self.settings.glossy_rate == "norm")
             self.layers[GLOSSY] = Layer(policy, self.interpolates)
         return gloss if gloss.shiny or GLOSSY in self.layers else None
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from temporal_toy import run
 
-from renderers.transport.temporal.lifespan import CHORD, chord_lifespan, curvature
+from renderers.transport.temporal.chords import CHORD, chord_lifespan, curvature
 
 ONE = np.ones(1, np.int64)
 YES, NO = np.ones(1, bool), np.zeros(1, bool)

@@ -234,8 +234,8 @@ def test_reprojection_foresees_most_of_the_change_in_cells_of_equal_solid_angle(
 def test_cache_per_frame_is_radiance_cache_splatting(others: tuple[Material, ...]) -> None:
     """Records of radiance, lobes that are traced, and pixels of both kinds of records."""
     rcs, scene = get_method("rcs"), polished(slow_cube(), *others) if others else load_scene("bouncing-spheres")
-    for k, frame in enumerate(frames_of(scene, 2, cache="per-frame", placement="bounded")):
-        plain = rcs.render(scene, rcs.Settings(placement="bounded", **COARSE), size=SIZE, frame=k)
+    for k, frame in enumerate(frames_of(scene, 2, cache="per-frame")):
+        plain = rcs.render(scene, rcs.Settings(placement="hessian-bounded", **COARSE), size=SIZE, frame=k)
         assert bytes_of(frame) == bytes_of(plain)
         assert plain.counters["radiance_records"] > 10
         shared = plain.counters.keys() - {"splats", "splat_tests"}

@@ -3,6 +3,7 @@
 | module | what it gives |
 | --- | --- |
 | `lifespan` | change rates of irradiance and of radiance coefficients, lifespans |
+| `chords` | longer lives of records that are interpolated in time |
 | `motion` | what differs between the Worlds of two frames |
 | `anchors` | which surface a place lies on, and where it goes |
 | `sampling` | hemispheres whose hits are kept, at places numbered once for all |

@@ -31,17 +31,9 @@ from renderers.transport.caching.sight import Blocked, in_sight
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.raycast import caster_of
 from renderers.transport.temporal.anchors import anchors, departures
+from renderers.transport.temporal.chords import first_of_a_place, lengthened
 from renderers.transport.temporal.coverage import coverage, needed
-from renderers.transport.temporal.lifespan import (
-    CHORD,
-    FOREVER,
-    change_rate,
-    chord_lifespan,
-    curvature,
-    dark_level,
-    lifespan,
-    staggered,
-)
+from renderers.transport.temporal.lifespan import FOREVER, change_rate, dark_level, lifespan, staggered
 from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.records import Timed
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
@@ -56,8 +48,8 @@ MOST_STRIKES = 4
 @dataclass(frozen=True)
 class Policy:
     """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
-    frozen: no trends; follows: places go with surfaces that move; curved: lives as `lifespan.chord_lifespan`, too; together: see
-    `lifespan.change_rate`."""
+    frozen: no trends; follows: places go with surfaces that move; together: see `lifespan.change_rate`; curved: lives by
+    `chords`, too."""
 
     a_t: float = 0.05
     longest: int = 20
@@ -193,7 +185,7 @@ class TemporalCache:
         count = len(old)
         life = np.full(count, self.policy.longest)
         kept = Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
-        return replace(kept.turned_as(old), span=frame - old.born)
+        return replace(kept.turned_as(old), slope=0 * old.slope, span=frame - old.born)
 
     def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None, views: Sequence[View]) -> Timed:
         """Successors, their light foreseen where `ahead` is given; they see their zones of the views, if the placement does."""
@@ -209,21 +201,10 @@ class TemporalCache:
                 records = in_sight(records, view.canvas, placement.a, placement.weight, blocked)
         computed = Computed(old.sites, now, later, foreseen)
         new = self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
-        return self._curved(new, old, computed) if self.policy.curved else new
-
-    def _curved(self, new: Timed, old: Timed, computed: Computed) -> Timed:
-        """Successors of old records, living as long as chords do."""
+        if not self.policy.curved:
+            return new
         assert self.least is not None
-        frames = new.born - old.born
-        slope = (computed.now.irradiance - old.records.irradiance) / frames[:, None]
-        ahead = computed.later.irradiance - computed.now.irradiance
-        bend = curvature(old.slope, old.span, slope, frames, ahead, computed.foreseen)
-        bend /= np.maximum(computed.now.irradiance.max(axis=1), self.least)
-        chord = np.minimum(chord_lifespan(bend, CHORD * self.policy.a_t, self.policy.longest), 2 * frames)
-        life = np.maximum(new.life, chord)
-        lasting = life > 1
-        strikes, rest = np.where(lasting, 0, new.strikes), np.where(lasting, 0, new.rest)
-        return replace(new, life=life, strikes=strikes, rest=rest, slope=slope, span=frames)
+        return lengthened(new, old, now, later, foreseen, self.least, self.policy.a_t, self.policy.longest)
 
     def _adopt(self, stage: Stage, records: Records, made: list[Computed], counters: Counter[str]) -> None:
         """Take in records of new places."""
@@ -240,8 +221,7 @@ class TemporalCache:
         if self.policy.stagger and self.policy.keeping == "temporal":
             new = replace(new, life=staggered(new.life, place, self.policy.longest))
         if self.policy.curved:
-            change = found.later.irradiance - found.now.irradiance
-            new = replace(new, slope=change, span=np.where(found.foreseen, -1, 0))
+            new = first_of_a_place(new, found.now, found.later, found.foreseen)
         self.places += len(records)
         self.live = Timed.joined(self.live, new)
 

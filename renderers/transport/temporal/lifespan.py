@@ -12,14 +12,6 @@ The printed max_i λ_1i/λ_0i takes one unchanged coefficient for a static scene
 default the norms alone decide: they are the relative change of the radiance function, of which a single coefficient is a small
 part. In a box with glossy walls and a turning cube the maximum over coefficients makes three times as many records for the same
 error.
-
-Interpolated records (not in the publication) may live longer: between a record and its successor the value goes along a chord,
-which is off by |E''| L²/8 in the middle of L frames, however fast the light changes. E'' is known where a place has had records
-before, from divided differences through its last ones and the frame foreseen; the greatest counts, and lives at most double:
-
-    life = max(life above, min(δ_max, 2 L_before, ⌊√(8 · CHORD a_t E_k / |E''|)⌋))
-
-as step sizes are chosen in solvers of differential equations, from the error that the steps before would have made.
 """
 
 from __future__ import annotations
@@ -35,7 +27,6 @@ TIE = 1e-9  # relative: exact ties count as admitted, as "≥" demands, whatever
 NOTABLE = 1e-2
 DARK = 1e-4
 FOREVER = 1 << 40
-CHORD = 0.25  # of a_t: with a half, errors under a moving light rise by a tenth
 
 
 def irradiance_rate(now: Float, next_: Float, least: float) -> F64:
@@ -87,28 +78,6 @@ def lifespan(rate: F64, a_t: float, longest: int) -> I64:
     """Frames (K,), at least 1, for rates (K,) ≥ 0 and a_t > 0, δ_max = longest ≥ 1."""
     frames = np.where(rate > 0, a_t / np.where(rate > 0, rate, 1) * (1 + TIE), np.inf)
     return np.asarray(np.minimum(np.floor(np.minimum(frames, longest)) + 1, longest), np.int64)
-
-
-def curvature(earlier: F64, span: I64, slope: F64, frames: I64, ahead: F64, foreseen: NDArray[np.bool_]) -> F64:
-    """Greatest second derivative per frame² of any channel, (K,), ∞ where it is unknown.
-
-    Light changed by `earlier` (K, n) a frame over `span` (K,) frames, then by `slope` (K, n) a frame over `frames` (K,) ≥ 1 frames,
-    and will, where `foreseen` (K,), change by `ahead` (K, n) in the next one. span 0: nothing earlier is known; span -1: `earlier`
-    is the change from the first of `frames` to the second, a stretch that leads back in time.
-    """
-    known = (span != 0) & (span + frames != 0)
-    width = np.where(known, span + frames, 1)
-    past = np.where(known, 2 * np.abs(slope - earlier).max(axis=1) / np.abs(width), 0)
-    coming = np.where(foreseen, 2 * np.abs(ahead - slope).max(axis=1) / (frames + 1), 0)
-    return np.asarray(np.where(known | foreseen, np.maximum(past, coming), np.inf))
-
-
-def chord_lifespan(bend: F64, error: float, longest: int) -> I64:
-    """Frames (K,), at least 1, through which chords of light with second derivative `bend` (K,) ≥ 0, relative to the light, are off
-    by at most `error`."""
-    curved = bend > 0
-    frames = np.where(curved, np.sqrt(8 * error / np.where(curved, bend, 1)) * (1 + TIE), np.inf)
-    return np.asarray(np.clip(np.floor(np.minimum(frames, longest)), 1, longest), np.int64)
 
 
 def staggered(life: I64, number: I64, longest: int) -> I64:

@@ -31,8 +31,8 @@ Gradients = Literal["none", "extrapolated", "interpolated"]
 @dataclass(frozen=True, eq=False)
 class Timed:
     """K records in time. sites: where they are; place (K,): number of the place; born (K,): frame computed; life (K,): frames it
-    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`. slope (K, 3), span (K,):
-    change of irradiance per frame before this record, and over how many frames, see `lifespan.curvature`. made (K, 3): normal of
+    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`. slope (K, n), span (K,):
+    change of light per frame before this record, and over how many frames, see `chords`. made (K, 3): normal of
     the place when it was made, and turn (K, 3, 3): its rotation since, where it goes with a surface that moves."""
 
     records: Records
