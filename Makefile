@@ -35,7 +35,7 @@ examples: install  ## run every numbered example; their pictures go to out/examp
 	@for example in examples/[0-9]*.py; do echo $$example; (cd out/examples && ../../$(PYTHON) ../../$$example) || exit 1; done
 
 bench: install  ## timings of the parts; informative, never a test
-	@for benchmark in benchmarks/*.py; do echo $$benchmark; $(PYTHON) $$benchmark || exit 1; done
+	@for script in benchmarks/*.py; do echo $$script; $(PYTHON) -m benchmarks.$$(basename $$script .py) || exit 1; done
 
 lock: install  ## resolve pyproject.toml anew, keeping what requirements.lock pins
 	$(PYTHON) -m uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --quiet --output-file requirements.lock

@@ -10,10 +10,10 @@ machine.
 from __future__ import annotations
 
 import argparse
-import time
 
 import numpy as np
 
+from benchmarks.shared.clock import measured
 from renderers.gl.device import device_string
 from renderers.gl.hemicube import LitHemicubes, Triangles
 from renderers.scene.builder import SceneBuilder
@@ -75,12 +75,8 @@ def compare(world: World, sites: Sites, size: int, repeats: int) -> None:
         "hemicube, mapped": HemicubeSampler(world, size, incoming, rasteriser=LitHemicubes(world, OFFSET)),
     }
     for name, sampler in samplers.items():
-        found, taken = sampler(sites).irradiance, []
-        for _ in range(repeats):
-            wall, cpu = time.perf_counter(), time.process_time()
-            sampler(sites)
-            taken.append((time.perf_counter() - wall, time.process_time() - cpu))
-        wall, cpu = np.median(taken, axis=0) * 1e3 / count
+        found = sampler(sites).irradiance
+        wall, cpu = (1e3 * seconds / count for seconds in measured(lambda s=sampler: s(sites), repeats))  # type: ignore[misc]
         error = np.sqrt(np.mean((found - exact) ** 2)) / exact.mean()
         print(
             f"{len(world.triangles):>9,} triangles  {size:>3}²  {name:<17}{wall:9.3f} ms wall{cpu:9.3f} ms CPU  off by {error:.4f}"

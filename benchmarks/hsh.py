@@ -1,13 +1,13 @@
-"""Speed of the hemispherical harmonics, in millions or thousands a second: `python benchmarks/hsh.py`."""
+"""Speed of the hemispherical harmonics, in millions or thousands a second: `python -m benchmarks.hsh`."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.shared.clock import best_of
 from renderers.transport.hemispherical.basis import directions_of, hemispherical_harmonics, spherical_harmonics
 from renderers.transport.hemispherical.brdf_table import brdf_table
 from renderers.transport.hemispherical.conversion import to_hemispherical
@@ -22,12 +22,7 @@ ORDERS = (5, 10, 20)
 def seconds(function: Callable[[], object]) -> float:
     """Best wall-clock time of a few calls, after one to warm up."""
     function()
-    best = np.inf
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        function()
-        best = min(best, time.perf_counter() - start)
-    return float(best)
+    return best_of(function, REPEATS)
 
 
 def main() -> None:

@@ -1,34 +1,22 @@
 """Instant radiosity: pixel-lights per CPU-second of the gather, and rays per CPU-second of its occluded form.
 
-Run on an idle machine: `python benchmarks/ir.py`. Prints the median of five repeats; wall seconds depend on the cores, so compare
+Run on an idle machine: `python -m benchmarks.ir`. Prints the median of five repeats; wall seconds depend on the cores, so compare
 the figures per CPU-second.
 """
 
 from __future__ import annotations
 
-import time
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 
 import renderers
+from benchmarks.shared.clock import measured
 from renderers.gbuffer import GBuffer
 from renderers.transport.gather import gather, warm_up
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.raycast import caster_of
 from renderers.transport.vpl import emit_vpls
-
-
-def measured(work: Callable[[], object], repeats: int = 5) -> tuple[float, float]:
-    """Median wall and CPU seconds of a call."""
-    walls, cpus = [], []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        work()
-        walls.append(time.perf_counter() - wall)
-        cpus.append(time.process_time() - cpu)
-    return float(np.median(walls)), float(np.median(cpus))
 
 
 def filled(gbuffer: GBuffer) -> GBuffer:
@@ -61,7 +49,7 @@ def main() -> None:
         warm_up(occluded, True)
         counters = Counter[str]()
         gather(pixels, world, *arrays, 1e-4, caster, counters)
-        wall, cpu = measured(lambda a=arrays, p=pixels, w=world, c=caster: gather(p, w, *a, 1e-4, c))  # type: ignore[misc]
+        wall, cpu = measured(lambda a=arrays, p=pixels, w=world, c=caster: gather(p, w, *a, 1e-4, c), 5)  # type: ignore[misc]
         pairs = counters["light_evaluations"]
         print(
             f"{scene} {size[0]}x{size[1]} x {len(arrays[0])} lights{', occluded' if occluded else ''}: "

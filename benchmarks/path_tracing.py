@@ -1,11 +1,12 @@
-"""Paths per second of the reference renderer, by transport: python benchmarks/path_tracing.py [SCENE] [WIDTH HEIGHT]."""
+"""Paths per second of the reference renderer, by transport: `python -m benchmarks.path_tracing [SCENE] [WIDTH HEIGHT]`."""
 
 from __future__ import annotations
 
 import sys
-import time
+from functools import partial
 
 import renderers
+from benchmarks.shared.clock import measured
 from renderers.reference.export import mitsuba_scene
 from renderers.reference.sampling import CENTRE, mean_image, reference_stream
 from renderers.reference.transports import estimator
@@ -15,7 +16,7 @@ REPEATS = 3
 
 
 def main() -> None:
-    """Print one line a transport: the median of a few replicates, after one that compiles the kernels."""
+    """Print one line a transport: the median of a few runs, after one that compiles the kernels."""
     name = sys.argv[1] if len(sys.argv) > 1 else "cornell-box"
     size = (int(sys.argv[2]), int(sys.argv[3])) if len(sys.argv) > 3 else (320, 180)
     world = renderers.load_scene(name).world()
@@ -23,17 +24,10 @@ def main() -> None:
         scene = mitsuba_scene(world, size, clay=transport == "ambient-occlusion")
         estimate = estimator(transport, scene)
         mean_image(scene, estimate, size, SPP, reference_stream(0), CENTRE, active=False)
-        wall, cpu = [], []
-        for replicate in range(REPEATS):
-            started, busy = time.perf_counter(), time.process_time()
-            mean_image(scene, estimate, size, SPP, reference_stream(replicate), CENTRE)
-            wall.append(time.perf_counter() - started)
-            cpu.append(time.process_time() - busy)
+        work = partial(mean_image, scene, estimate, size, SPP, reference_stream(1), CENTRE)
+        wall, cpu = measured(work, REPEATS)
         paths = size[0] * size[1] * SPP
-        middle = REPEATS // 2
-        print(
-            f"{name} {transport:24} {paths / sorted(wall)[middle]:12,.0f} paths/s {paths / sorted(cpu)[middle]:12,.0f} paths/cpu-s"
-        )
+        print(f"{name} {transport:24} {paths / wall:12,.0f} paths/s {paths / cpu:12,.0f} paths/cpu-s")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Penumbra deep shadow maps: construction, memory, lookups, and error at equal time.
 
-Run on an idle machine from the repository root: `LUXMETER_SCENES=folder python benchmarks/pdsm.py [PART …]`; parts are build, size,
+Run on an idle machine: `LUXMETER_SCENES=folder python -m benchmarks.pdsm [PART …]`; parts are build, size,
 memory, threads, lookup, equal-time. Construction and lookups are of a scanned model under a square light (a procedural knot without
 the folder), on a ground that receives only. Prints medians or single runs.
 """
@@ -8,17 +8,14 @@ the folder), on a ground that receives only. Prints medians or single runs.
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import renderers
+from benchmarks.shared.clock import measured
 from jobs.claims.bench import Bench
 from jobs.claims.pdsm_stage import Stage, bytes_of_steps, peak_bytes, scanned_model, stage_of
 from renderers.images import luminance
@@ -30,23 +27,12 @@ MIB = 2.0**20
 CASES = ((64, 256, 256), (64, 512, 512), (256, 256, 512), (256, 512, 512))
 
 
-def measured(work: Callable[[], object], repeats: int = 1) -> tuple[float, float]:
-    """Median wall and CPU seconds of a call."""
-    walls, cpus = [], []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        work()
-        walls.append(time.perf_counter() - wall)
-        cpus.append(time.process_time() - cpu)
-    return float(np.median(walls)), float(np.median(cpus))
-
-
 def construction(stage: Stage) -> None:
     """Seconds over samples and resolution, at 2 %."""
     stage.build(4, 64, 64)
     for samples, resolution, maps in CASES:
         tally = Counter[str]()
-        wall, cpu = measured(lambda n=samples, r=resolution, m=maps, t=tally: stage.build(n, r, m, t))  # type: ignore[misc]
+        wall, cpu = measured(lambda n=samples, r=resolution, m=maps, t=tally: stage.build(n, r, m, t), 1)  # type: ignore[misc]
         rate = tally["texels_walked"] / cpu / 1e6
         print(f"build N {samples:3d}, {resolution}² pixels, {maps}² texels: {wall:.2f} s wall {cpu:.2f} s CPU", end=" ")
         print(f"{rate:.0f} Mtexels/CPU-s", flush=True)
@@ -111,7 +97,7 @@ def lookups(stage: Stage) -> None:
     made.hidden(where[:10])
     ours = {name: measured(lambda f=name: made.hidden(where, filter=f), 5) for name in ("nearest", "bilinear")}  # type: ignore[misc]
     few, points = slice(None, None, 16), stage.lamp.points(256, 0)
-    rays = measured(lambda: cast_hidden(stage.world, stage.lamp, points, where[few], normals[few], Counter()))
+    rays = measured(lambda: cast_hidden(stage.world, stage.lamp, points, where[few], normals[few], Counter()), 1)
     for name, (wall, cpu) in ours.items():
         ratio = 16 * rays[1] / cpu
         print(f"lookup {name}: {len(where)} points {wall * 1e3:.0f} ms wall {cpu * 1e3:.0f} ms CPU", end="; ")

@@ -1,4 +1,4 @@
-"""Error against records for the placements of radiance cache splatting: `python benchmarks/placement.py [SCENE…] [options]`.
+"""Error against records for the placements of radiance cache splatting: `python -m benchmarks.placement [SCENE…] [options]`.
 
 Indirect irradiance of one view, interpolated, against hemispheres of their own at every fourth pixel: RMSE over mean. Each row is
 the mean over several random orders of the records. The last columns compare with `bounded` at the same number of records (log-log

@@ -6,30 +6,18 @@ Run on an idle machine: `python -m benchmarks.pmic`. Medians of three repeats; w
 from __future__ import annotations
 
 import argparse
-import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 import renderers
+from benchmarks.shared.clock import measured
 from renderers.methods.pmic import PhotonMappedIrradianceCaching, PmicSettings, recipe_of, warm_up
 from renderers.scene.world import World
 from renderers.transport.photons.map import photon_map
 from renderers.transport.photons.tracing import Traced, trace
 from renderers.transport.photons.walk import walk
-
-
-def measured(work: Callable[[], object], repeats: int = 3) -> tuple[float, float]:
-    """Median wall and CPU seconds of a call."""
-    walls, cpus = [], []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        work()
-        walls.append(time.perf_counter() - wall)
-        cpus.append(time.process_time() - cpu)
-    return float(np.median(walls)), float(np.median(cpus))
 
 
 def split(world: World) -> World:

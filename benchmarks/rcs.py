@@ -17,18 +17,19 @@ Writes rcs_PART.csv, and rcs_equal-time.png, and prints each row when it is ther
 
 from __future__ import annotations
 
-import argparse
-import csv
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import renderers
+from benchmarks.shared.parts import Part, Row, draw_errors, parser_of, write
+from benchmarks.shared.truth import SEED, Truth, rendered
 from renderers.frame import Frame
-from renderers.scene.world import LAMBERT
+from renderers.gbuffer import GBuffer
+from renderers.scene.world import LAMBERT, World
 from renderers.transport.caching.hemisphere import Grid
 from renderers.transport.caching.incoming import ReflectedDirectLight
 from renderers.transport.caching.radiance import RadianceSampler
@@ -41,11 +42,11 @@ from renderers.transport.hemispherical.quadrature import hemisphere_quadrature
 from renderers.transport.primary import cast_gbuffer
 
 Image = NDArray[np.float64]
-SEED, HALF = 1, 1024
 INTERIORS = ("empty-room", "cube-in-a-box", "cornell-box", "moving-light", "colonnade")
 BEST: dict[str, Any] = {"placement": "hessian", "footprint": 3.0}
 CURVE = [{"a": 0.6, "rays": 256}, {"a": 0.4, "rays": 512}, {"a": 0.3, "rays": 1024}, {"a": 0.2, "rays": 2048},
          {"a": 0.15, "rays": 4096}, {"a": 0.1, "rays": 8192}]  # fmt: skip
+TRANSPORT = "one-bounce"
 PATHS = (4, 16, 64, 256, 1024)
 ACCURACIES = (0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07)
 GLOSSY: dict[str, dict[str, Any]] = {
@@ -56,52 +57,19 @@ EXPONENTS, ORDERS, VIEWS = (5.0, 20.0, 100.0), (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 
 POINTS, CELLS = 64, Grid(64, 200)
 
 
-class Truth(NamedTuple):
-    """Direct light, indirect light and its noise variance (H, W, 3); shiny (H, W): pixels of glossy surfaces."""
-
-    direct: Image
-    indirect: Image
-    variance: Image
-    shiny: NDArray[np.bool_]
-
-    @staticmethod
-    def of(scene: renderers.Scene, size: tuple[int, int]) -> Truth:
-        """By path tracing."""
-        direct = rendered(scene, "pt", size, transport="direct", spp=256).layers["beauty"].astype(np.float64)
-        values = {"transport": "one-bounce", "spp": HALF}
-        halves = [rendered(scene, "pt", size, seed=seed, **values).layers["beauty"] - direct for seed in (101, 102)]
-        mean, apart = (halves[0] + halves[1]) / 2, halves[0] - halves[1]
-        world = scene.world()
-        gbuffer = cast_gbuffer(world, size)
-        return Truth(direct, mean, apart**2 / 4, gbuffer.covered & (world.materials.kind[gbuffer.material] != LAMBERT))
-
-    def error(self, frame: Frame, where: NDArray[np.bool_] | slice = slice(None)) -> float:
-        """RMSE over the mean of the pixels `where`, less the truth's own noise."""
-        layers = frame.layers
-        found = layers["indirect"] if "indirect" in layers else layers["beauty"] - self.direct
-        square = float(np.mean(((found - self.indirect) ** 2 - self.variance)[where]))
-        return float(np.sqrt(max(square, 0.0)) / self.indirect[where].mean())
-
-
-def rendered(scene: renderers.Scene, kind: str, size: tuple[int, int], seed: int = SEED, **values: Any) -> Frame:
-    """One frame."""
-    method = renderers.get_method(kind)
-    return method.render(scene, method.Settings(**values), size=size, seed=seed)
-
-
 def seconds(frame: Frame, *names: str) -> float:
     """CPU seconds of the render stage, or of some of its passes."""
     return sum(t.cpu_s for t in frame.timings if t.stage == "render" and (not names or t.name in names))
 
 
-def equal_time(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+def equal_time(size: tuple[int, int]) -> Iterator[Row]:
     """(scene, curve, settings, CPU seconds, error, of `rcs`: seconds of `pt` for the same error)."""
     for name in INTERIORS:
         scene = renderers.load_scene(name)
-        truth = Truth.of(scene, size)
+        truth = Truth.of(scene, size, TRANSPORT)
         costs, errors = list[float](), list[float]()
         for kind in ("pt", "rcs"):
-            for values in [{"transport": "one-bounce", "spp": n} for n in PATHS] if kind == "pt" else [BEST | c for c in CURVE]:
+            for values in [{"transport": TRANSPORT, "spp": n} for n in PATHS] if kind == "pt" else [BEST | c for c in CURVE]:
                 rendered(scene, kind, (16, 12), **values)
                 frame = rendered(scene, kind, size, **values)
                 cost, error = seconds(frame), truth.error(frame)
@@ -123,11 +91,11 @@ def seconds_for(error: float, costs: list[float], errors: list[float]) -> float:
     return float(np.exp(np.interp(np.log(error), np.log(falling), np.log(costs[::-1]))))
 
 
-def records(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+def records(size: tuple[int, int]) -> Iterator[Row]:
     """(scene, placement, a, records, error, slope of log error over log records from the row before)."""
     for name in ("cube-in-a-box", "cornell-box"):
         scene = renderers.load_scene(name)
-        truth = Truth.of(scene, size)
+        truth = Truth.of(scene, size, TRANSPORT)
         for placement in ("bounded", "hessian"):
             before: tuple[float, float] | None = None
             for a in ACCURACIES:
@@ -138,24 +106,29 @@ def records(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
                 yield name, placement, a, int(count), round(error, 4), slope
 
 
-def glossy(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+def glossy(size: tuple[int, int]) -> Iterator[Row]:
     """(scene, way, radiance records, CPU seconds more than as diffuse, error of the glossy pixels)."""
     for name in ("cornell-glossy", "bouncing-spheres"):
         scene = renderers.load_scene(name)
-        truth = Truth.of(scene, size)
+        truth, shiny = Truth.of(scene, size, TRANSPORT), glossy_pixels(scene.world(), size)[1]
         rendered(scene, "rcs", (16, 12))
         plain = seconds(rendered(scene, "rcs", size, glossy="diffuse"))
         for way, values in GLOSSY.items():
             frame = rendered(scene, "rcs", size, **values)
             more = round(seconds(frame) - plain, 2)
-            yield name, way, frame.counters.get("radiance_records", 0), more, round(truth.error(frame, truth.shiny), 3)
+            yield name, way, frame.counters.get("radiance_records", 0), more, round(truth.error(frame, shiny, over=shiny), 3)
 
 
-def orders(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+def glossy_pixels(world: World, size: tuple[int, int]) -> tuple[GBuffer, NDArray[np.bool_]]:
+    """First hits, and which of them are on glossy surfaces, (H, W)."""
+    gbuffer = cast_gbuffer(world, size)
+    return gbuffer, gbuffer.covered & (world.materials.kind[gbuffer.material] != LAMBERT)
+
+
+def orders(size: tuple[int, int]) -> Iterator[Row]:
     """(exponent, order, error, ringing in %)."""
     world = renderers.load_scene("cornell-glossy").world()
-    gbuffer = cast_gbuffer(world, size)
-    shiny = gbuffer.covered & (world.materials.kind[gbuffer.material] != LAMBERT)
+    gbuffer, shiny = glossy_pixels(world, size)
     rows = np.random.default_rng(SEED).choice(np.flatnonzero(shiny), POINTS, replace=False)
     sampler = RadianceSampler(world, CELLS, ReflectedDirectLight(world), max(ORDERS), SEED, jitter=False)
     cast, _ = sampler.hemispheres(Sites(*receivers_of(world, gbuffer, rows)))
@@ -186,7 +159,7 @@ def cell_directions(grid: Grid) -> Image:
     return np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=1)
 
 
-def splat(size: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+def splat(size: tuple[int, int]) -> Iterator[Row]:
     """(order, radiance records, pairs of record and pixel, CPU seconds of the glossy splat, microseconds a pair)."""
     scene = renderers.load_scene("cornell-glossy")
     for n in ORDERS:
@@ -208,47 +181,14 @@ PARTS = {
 
 def main() -> None:
     """Write the files of the asked parts, or of all."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("rcs-benchmark"))
-    parser.add_argument("--part", choices=list(PARTS), action="append")
+    parser = parser_of(__doc__, PARTS)
     parser.add_argument("--size", default="96x72")
     arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
     width, height = (int(number) for number in arguments.size.split("x"))
-    for part in arguments.part or list(PARTS):
-        rows, header = PARTS[part]
-        path = arguments.out / f"rcs_{part}.csv"
-        with path.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(header)
-            for row in rows((width, height)):
-                writer.writerow(row)
-                file.flush()
-                print(*row, flush=True)
-        if part == "equal-time":
-            draw(path, path.with_suffix(".png"))
-
-
-def draw(table: Path, picture: Path) -> None:
-    """One panel a scene: error against CPU seconds, logarithmic."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    from matplotlib import pyplot
-
-    with table.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    figure, axes = pyplot.subplots(1, len(INTERIORS), figsize=(3.4 * len(INTERIORS), 3.4), squeeze=False, layout="constrained")
-    for ax, scene in zip(axes.flat, INTERIORS, strict=True):
-        for curve in ("rcs", "pt"):
-            own = sorted((float(r["cpu_s"]), float(r["error"])) for r in rows if (r["scene"], r["curve"]) == (scene, curve))
-            ax.plot(*zip(*own, strict=True), marker="o", ms=3, label=curve)
-        ax.set(xscale="log", yscale="log", title=scene)
-        ax.grid(alpha=0.3, which="both", lw=0.4)
-    axes.flat[0].legend(frameon=False)
-    figure.supxlabel("CPU seconds a frame")
-    figure.supylabel("RMSE of indirect light over its mean")
-    figure.savefig(picture, dpi=110)
+    parts = {name: Part(partial(rows, (width, height)), header) for name, (rows, header) in PARTS.items()}
+    files = write(parts, arguments.part, arguments.out, "rcs")
+    if path := files.get("equal-time"):
+        draw_errors(path, path.with_suffix(".png"), "rcs")
 
 
 if __name__ == "__main__":

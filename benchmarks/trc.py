@@ -6,8 +6,8 @@ All five scenes take about a quarter of an hour on two quiet cores; a scene at a
 `temporal` is `trc`; `per-frame` the same program with a fresh cache in every frame, the baseline of all ratios; `rcs` the method of
 that name, which places records otherwise and is left out unless asked for; `static` never renews a record: ghosts as bad
 as they get. Caches take turns frame by frame. `pt` and `pt-temporal` trace as many one-bounce paths a pixel as take the CPU time
-of `temporal`, found by a pilot. They reflect indirect light on glossy surfaces as such, the others and the truth as on diffuse
-ones, so their errors mean something in diffuse scenes only.
+of `temporal`, found by a pilot. They reflect indirect light on glossy surfaces as such, caches and the truth as on diffuse ones
+(`glossy=diffuse`), so their errors mean something in diffuse scenes only. Glossy records: benchmarks/trc_glossy.py.
 
 Errors are of indirect light, relative to its mean, against a hemisphere at every pixel (`jobs.claims.trc_runs`), in the frames
 that --references names; by default two windows of ten frames. Flicker is the RMS change of the error from frame to frame, jump
@@ -40,6 +40,7 @@ CACHES: dict[str, tuple[str, dict[str, Any]]] = {
     "static": ("trc", {"cache": "static"}),
     "rcs": ("rcs", {}),
 }
+SHARED: dict[str, Any] = {"a": A, "rays": RAYS, "glossy": "diffuse"}
 PATHS = ("pt", "pt-temporal")
 PILOT_SPP, PILOT_FRAMES = (16, 64), 7
 
@@ -84,7 +85,7 @@ class Study(NamedTuple):
 
     def rendered(self, names: Sequence[str]) -> tuple[dict[str, Ask], dict[str, Run]]:
         """What was asked, and what came of it: caches in turns, then path tracing with the time that `temporal` took."""
-        asks = {name: Ask(method, {"a": A, "rays": RAYS, **values}) for name, (method, values) in CACHES.items() if name in names}
+        asks = {name: Ask(method, {**SHARED, **values}) for name, (method, values) in CACHES.items() if name in names}
         asks["temporal"].values["delta_max"] = CASES[self.name].longest
         short = (self.frames[0], min(self.frames[0] + 1, self.frames[1]))
         runs_of(self.scene, asks, (32, 24), short, Truth.none((32, 24)))  # compiles

@@ -26,7 +26,8 @@ print(info["GL_RENDERER"], "·", info["GL_VERSION"])
 MITSUBA = """
 from renderers.reference.variant import probe
 found = probe()
-assert found.ok, found.message
+if not found.ok:
+    raise SystemExit(found.message)
 print(found.variant, "·", found.llvm, "·", found.message)
 """
 EMBREE = """
@@ -84,7 +85,8 @@ def _python() -> Check:
 
 
 def _probe(name: str, program: str, fix: str) -> Check:
-    """Run a small program that prints what it found, or fails with the reason on the last line of its standard error."""
+    """Run a small program that prints what it found, or fails with the reason on the last line of its standard error, which may
+    name a fix of its own."""
     try:
         command = [sys.executable, "-P", "-c", program]
         done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_S, env=child_environment(), check=False)
@@ -94,7 +96,8 @@ def _probe(name: str, program: str, fix: str) -> Check:
     found = lines[-1] if lines else ""
     if done.returncode < 0:
         found = f"killed by signal {-done.returncode}" + (f": {found}" if found else "")
-    return Check(name, done.returncode == 0, True, found, fix)
+    found, _, own = found.partition("; fix: ")
+    return Check(name, done.returncode == 0, True, found, own or fix)
 
 
 def _memory() -> Check:

@@ -1,7 +1,8 @@
 """Sequences of temporal caching and of its peers, their truth, and what is measured: shared by claims and benchmarks.
 
 The truth is one bounce of light by a hemisphere at every pixel, with the same random numbers in every frame: what `trc`
-would give without interpolation, in space or in time. Like `trc` it takes surfaces for diffuse where indirect light is reflected.
+would give without interpolation, in space or in time. Like `glossy=diffuse` it takes surfaces for diffuse where indirect light is
+reflected.
 """
 
 from __future__ import annotations

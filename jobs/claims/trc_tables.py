@@ -48,9 +48,9 @@ ALIKE: dict[str, Any] = {"stagger": False, "a_t": 10, "guard": False}
 
 
 def temporal(bench: Bench, scene: Scene, frames: tuple[int, int], truth: Truth, **ways: dict[str, Any]) -> dict[str, Run]:
-    """Frames A … B by `trc` in several ways, which take turns."""
+    """Frames A … B by `trc` in several ways, which take turns; glossy surfaces are diffuse ones, as in the truth."""
     bench.report(f"{scene.name}: trc, frames {frames[0]}:{frames[1]}, {ways}")
-    asks = {name: Ask("trc", {"a": A, "rays": RAYS, **values}) for name, values in ways.items()}
+    asks = {name: Ask("trc", {"a": A, "rays": RAYS, "glossy": "diffuse", **values}) for name, values in ways.items()}
     return runs_of(scene, asks, SIZE, frames, truth)
 
 

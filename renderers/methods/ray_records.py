@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from renderers.transport.caching.placement import Placement
 
 PILOT_RAYS = 64
+BY_CURVATURE = ("hessian", "hessian-bounded")
 
 
 class RecordSettings(Settings):
@@ -37,7 +38,22 @@ class RecordSettings(Settings):
     order: Literal["batched", "sequential"] = setting(
         "batched", "misses found for the whole image and thinned, or one by one", source="luxmeter; Gautron 2006 alg. 4"
     )
+    glossy: Literal["records", "diffuse"] = setting(
+        "records", "glossy surfaces by radiance records, or as diffuse ones of the same mean albedo", source="Gautron 2006 §4.4"
+    )
+    glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
+    glossy_rays: int = setting(16384, "rays a radiance record", ge=16, le=65536)
+    harmonics: int | None = setting(
+        None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
+    )
+    sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
+    lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
+
+    @property
+    def by_curvature(self) -> str:
+        """What `placement=auto` stands for where the sampler knows the curvature of the irradiance."""
+        return "hessian"
 
 
 def placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
@@ -46,22 +62,28 @@ def placement_of(world: World, height: int, settings: Any, seed: int) -> Placeme
     from renderers.transport.caching.placement import Placement
 
     pixel, kind = 2 * np.tan(world.camera.yfov / 2) / height, chosen_placement(settings)
+    by_curvature = kind in BY_CURVATURE
     limits = Limits(
         smallest=min(settings.r_min, settings.r_max),
         largest=settings.r_max,
-        gradient=kind == "bounded",
+        gradient=kind in ("bounded", "hessian-bounded"),
         neighbours=settings.neighbours,
         footprint=Footprint(world.camera.pose[:3, 3], settings.footprint * pixel / settings.a),
-        metric="hessian" if kind == "hessian" else "split-sphere",
+        metric="hessian" if by_curvature else "split-sphere",
     )
-    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=kind == "hessian")
+    return Placement(settings.a, settings.weight, settings.gradients, limits, settings.order, seed, sees=by_curvature)
+
+
+def glossy_placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
+    """The same for radiance records, whose curvature nobody knows."""
+    return placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
 
 
 def chosen_placement(settings: Any) -> str:
     """What `placement=auto` stands for: by curvature, wherever the sampler knows it."""
     if settings.placement != "auto":
         return str(settings.placement)
-    return "bounded" if settings.sampler == "plane" else "hessian"
+    return "bounded" if getattr(settings, "sampler", "polar") == "plane" else str(settings.by_curvature)
 
 
 def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:

@@ -23,7 +23,8 @@ depend on the order of the records, and after the records every pixel is reached
 | r_min         | 0.03    | r    | 10⁻⁶ … 1                      | smallest R, in scene radii                                 |
 | r_max         | 2       | r    | 10⁻⁶ … 1000                   | largest R, in scene radii                                  |
 | footprint     | 1       | px   | 0 … 100                       | smallest reach a·R of a record, in pixels                  |
-| placement     | auto    |      | split-sphere, bounded, hessian | R from distances, limited by the gradient, from curvature |
+| placement     | auto    |      | split-sphere, bounded,        | R from distances or from curvature, limited by the         |
+|               |         |      | hessian, hessian-bounded      | gradient or not                                            |
 | neighbours    | false   |      |                               | neighbour clamping of R                                    |
 | order         | batched |      | batched, sequential           | misses found for the whole image, or one by one            |
 | records       | none    | 1    | 1 … 10⁶                       | at most so many records (progressive); none: no limit      |
@@ -52,7 +53,15 @@ from pydantic import model_validator
 from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Transport, register, setting
 from renderers.methods.one_bounce import is_software
-from renderers.methods.ray_records import PILOT_RAYS, RecordSettings, chosen_placement, placement_of, warm_up
+from renderers.methods.ray_records import (
+    BY_CURVATURE,
+    PILOT_RAYS,
+    RecordSettings,
+    chosen_placement,
+    glossy_placement_of,
+    placement_of,
+    warm_up,
+)
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -79,9 +88,9 @@ class RcsSettings(RecordSettings):
         "auto",
         "light of what hemicubes see: by shadow rays, or (one bounce alone) by shadow maps; auto: by a table on the device string",
     )
-    placement: Literal["auto", "split-sphere", "bounded", "hessian"] = setting(
+    placement: Literal["auto", "split-sphere", "bounded", "hessian", "hessian-bounded"] = setting(
         "auto",
-        "R from distances alone, limited by the gradient, or from the curvature of the irradiance; auto: hessian but for the plane",
+        "R from distances or from the curvature of the irradiance, limited by its gradient or not; auto: hessian but for the plane",
         source="Ward 1988; Křivánek et al. 2005; Schwarzhaupt et al. 2012",
     )
     neighbours: bool = setting(False, "neighbour clamping of R", source="Křivánek et al. 2006")
@@ -89,16 +98,6 @@ class RcsSettings(RecordSettings):
     bounces: Literal["one", "all"] = setting(
         "one", "one bounce, or all: hits of rays reflect the light of a coarse cache too", source="Ward 1988"
     )
-    glossy: Literal["records", "diffuse"] = setting(
-        "records", "glossy surfaces by radiance records, or as diffuse ones of the same mean albedo", source="Gautron 2006 §4.4"
-    )
-    glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
-    glossy_rays: int = setting(16384, "rays a radiance record", ge=16, le=65536)
-    harmonics: int | None = setting(
-        None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
-    )
-    sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
-    lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     backend: Literal["auto", "gl", "cpu"] = setting(
         "auto", "where a view's splat of earlier views' records runs; auto: by a table on the device string"
     )
@@ -108,8 +107,8 @@ class RcsSettings(RecordSettings):
         """Raises ValueError where the sampler doesn't know what another setting needs."""
         if self.hemicube_shadows == "mapped" and self.bounces == "all":
             raise ValueError("hemicube_shadows=mapped knows direct light alone: bounces=all needs cast or auto")
-        if self.sampler == "plane" and self.placement == "hessian":
-            raise ValueError("placement=hessian needs sampler=polar or hemicube: the plane knows no curvature")
+        if self.sampler == "plane" and self.placement in BY_CURVATURE:
+            raise ValueError(f"placement={self.placement} needs sampler=polar or hemicube: the plane knows no curvature")
         return self
 
 
@@ -202,7 +201,7 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
             from renderers.transport.caching.glossy import warm_up as prepare_turns
 
             prepare_turns(gloss.order)
-        how = placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
+        how = glossy_placement_of(world, height, settings, seed)
         radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records, splat)
     return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
 

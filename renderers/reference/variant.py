@@ -3,12 +3,13 @@
 An LLVM that is too old (Debian's 15 and 16) does not raise an exception on the first kernel: it aborts the whole process. So the
 first question is asked in a child process, and its answer is kept, per process and in a small file keyed by the versions involved.
 There is no fall-back to `scalar_rgb`: scalar variants can't trace wavefronts of chosen rays (paths through pixel centres), and
-materials defined in Python are 17 times slower there. Without a working LLVM the error is the fix.
+materials defined in Python are 17 times slower there. Where Mitsuba can't run, the error names the cause and what mends it.
 """
 
 from __future__ import annotations
 
 import ctypes.util
+import importlib.util
 import json
 import os
 import platform
@@ -23,6 +24,8 @@ from typing import Any
 
 VARIANT = "llvm_ad_rgb"
 FIX = "apt-get install libllvm19"
+INSTALL = "make install"
+PACKAGES = ("mitsuba", "drjit")
 PROBE_SECONDS = 120
 QUESTION = """
 import mitsuba as mi
@@ -50,6 +53,8 @@ class Probe:
 @cache
 def probe() -> Probe:
     """Ask a child process whether `llvm_ad_rgb` compiles and runs a kernel; never imports Mitsuba here and never raises."""
+    if missing := [name for name in PACKAGES if importlib.util.find_spec(name) is None]:
+        return _refused("", f"Python can't find {' and '.join(missing)}", INSTALL)
     path = _cache_file()
     known = _known(path)
     if known is not None:
@@ -78,14 +83,17 @@ def _asked() -> Probe:
     try:
         done = subprocess.run([sys.executable, "-c", QUESTION], capture_output=True, text=True, timeout=PROBE_SECONDS, check=False)
     except subprocess.TimeoutExpired:
-        return Probe(False, "", llvm, f"Mitsuba did not answer within {PROBE_SECONDS} s; fix: {FIX}")
+        return _refused(llvm, f"no answer within {PROBE_SECONDS} s", "try again when the machine has less to do")
     if done.returncode == 0:
         return Probe(True, VARIANT, llvm, f"Mitsuba {metadata.version('mitsuba')} runs {VARIANT}")
     if done.returncode < 0:
-        reason = f"the LLVM found here is too old (killed by signal {-done.returncode})"
-    else:
-        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
-    return Probe(False, "", llvm, f"Mitsuba's {VARIANT} does not run: {reason}; fix: {FIX}")
+        return _refused(llvm, f"the LLVM found here is too old (killed by signal {-done.returncode})", FIX)
+    reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
+    return _refused(llvm, reason, FIX if "llvm" in reason.lower() else INSTALL)
+
+
+def _refused(llvm: str, reason: str, fix: str) -> Probe:
+    return Probe(False, "", llvm, f"Mitsuba's {VARIANT} does not run: {reason}; fix: {fix}")
 
 
 def _cache_file() -> Path:

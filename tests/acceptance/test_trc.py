@@ -100,11 +100,11 @@ def test_staggered_first_lives_are_spread_evenly() -> None:
     assert counts.max() <= 23
 
 
-def test_cache_per_frame_is_radiance_cache_splatting() -> None:
-    """Where that, too, limits R by gradients: curvature isn't known ahead."""
+@pytest.mark.parametrize(("placement", "meant"), [("auto", "hessian-bounded"), ("bounded", "bounded")])
+def test_cache_per_frame_is_radiance_cache_splatting(placement: str, meant: str) -> None:
     scene, rcs = slow_cube(), get_method("rcs")
-    for k, frame in enumerate(frames_of(scene, 3, cache="per-frame")):
-        plain = rcs.render(scene, rcs.Settings(placement="bounded", **COARSE), size=SIZE, frame=k)
+    for k, frame in enumerate(frames_of(scene, 3, cache="per-frame", placement=placement)):
+        plain = rcs.render(scene, rcs.Settings(placement=meant, **COARSE), size=SIZE, frame=k)
         assert bytes_of(frame) == bytes_of(plain)
         assert frame.counters["records"] == plain.counters["records"]
 

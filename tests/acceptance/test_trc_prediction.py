@@ -8,7 +8,6 @@ from caching_rooms import ALBEDOS_2, EYE_2, FORWARD_2, FOV_2, INTENSITY_2, shell
 from numpy.typing import NDArray
 from temporal_rooms import FPS, room, toy_box
 
-from renderers import load_scene
 from renderers.scene.builder import SceneBuilder
 from renderers.scene.builtin.exact import polygon_irradiance
 from renderers.scene.model import Lambert, PointLight, Scene
@@ -17,14 +16,12 @@ from renderers.transport.caching.hemisphere import grid_of
 from renderers.transport.caching.incoming import ReflectedDirectLight
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.splat import gather
-from renderers.transport.direct import receivers_of
-from renderers.transport.primary import cast_gbuffer
-from renderers.transport.temporal.lifespan import darkness, irradiance_rate, lifespan
 from renderers.transport.temporal.motion import Motion, motion_between
 from renderers.transport.temporal.plane import Plane
 from renderers.transport.temporal.prediction import RayCast, Reprojection
-from renderers.transport.temporal.records import Timed, Trends
+from renderers.transport.temporal.records import Timed
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
+from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
 PLANE = Plane(64, 2.0)
@@ -228,38 +225,6 @@ def test_a13_reprojection_beats_no_foresight(full_speed: Estimates) -> None:
     assert slow.mean("points 4") < 1.0 * slow.mean("none")
     # single points can't follow what moves by less than a cell
     assert slow.mean("points 1") > slow.mean("points 4")
-
-
-def foresights(name: str, frame: int, count: int = 96, rays: int = 1024) -> tuple[F64, F64, F64]:
-    """Irradiance (K, 3) at pixels of a built-in scene, and its change to the next frame by all rays and by one in four, where
-    hemispheres change as a whole."""
-    scene = load_scene(name)
-    motion, grid = motion_between(scene.world(frame), scene.world(frame + 1)), grid_of(rays)
-    gbuffer = cast_gbuffer(motion.before, (64, 48))
-    rows = np.random.default_rng(frame).choice(np.flatnonzero(gbuffer.covered.ravel()), count, replace=False)
-    sites = Sites(*receivers_of(motion.before, gbuffer, rows))
-    changes = []
-    for sparse in (1, 4):
-        sampler = TemporalSampler(motion.before, grid, ReflectedDirectLight(motion.before), 0, Counter(), sparse)
-        ahead = RayCast(motion, sampler, ReflectedDirectLight(motion.after))
-        assert ahead.changes(sites).all()
-        now, later = sampler.sample(sites, np.arange(count), ahead)
-        changes.append(later.irradiance - now.irradiance)
-    return now.irradiance, changes[0], changes[1]
-
-
-def test_a_quarter_of_the_rays_foresees_a_moving_light() -> None:
-    """Off by less than 0.3 of the change, in the root of the mean square."""
-    _, whole, part = foresights("moving-light", 40)
-    assert np.sqrt(np.mean((part - whole) ** 2) / np.mean(whole**2)) < 0.3
-
-
-def test_a_quarter_of_the_rays_gives_the_lives_of_all_in_the_mean() -> None:
-    """66 balls move; of 1024 rays a quarter finds the change only to its own size, but lives neither shrink nor grow by half."""
-    now, whole, part = foresights("bouncing-spheres", 50)
-    least = darkness(now)
-    lives = [lifespan(irradiance_rate(now, now + change, least), 0.05, 20).mean() for change in (whole, part)]
-    assert 1 / 1.5 < lives[1] / lives[0] < 1.5, lives
 
 
 def test_recasting_only_what_may_have_changed_is_exact(full_speed: Estimates) -> None:

@@ -10,7 +10,7 @@ from temporal_toy import Lamps, normals, run
 
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.temporal.records import Trends
+from renderers.transport.temporal.trends import Trends
 
 MODES = ("none", "extrapolated", "interpolated")
 PAN = 0.01

@@ -41,7 +41,7 @@ def indirect(frames: list[Frame]) -> F64:
 def exact(scene: Scene, count: int) -> list[Frame]:
     """Caches of each frame by itself."""
     rcs = get_method("rcs")
-    return list(rcs.render_frames(scene, rcs.Settings(placement="bounded", **COARSE), size=SIZE, frames=(0, count - 1)))
+    return list(rcs.render_frames(scene, rcs.Settings(placement="hessian-bounded", **COARSE), size=SIZE, frames=(0, count - 1)))
 
 
 def stepped(at: int, before: float, after: float) -> Scene:

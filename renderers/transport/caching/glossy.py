@@ -50,7 +50,9 @@ def radiance_columns(records: Records, gradients: bool = True) -> RadianceColumn
         raise ValueError("these records carry no radiance")
     slope = records.coefficient_gradients if gradients else np.zeros_like(records.coefficient_gradients)
     parts = np.concatenate([records.coefficients[:, None], slope], axis=1).transpose(0, 1, 3, 2)
-    tangents = np.stack(frame(records.normal.astype(np.float64)), axis=1)
+    tangents = records.tangents
+    if tangents is None:
+        tangents = np.stack(frame(records.normal.astype(np.float64)), axis=1)
     columns = records.position, records.normal, records.radius, tangents, parts
     return RadianceColumns(*(np.ascontiguousarray(column, np.float32) for column in columns))
 

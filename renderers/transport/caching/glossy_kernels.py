@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderers.transport.caching.splat_kernels import misses, weight_at
+from renderers.transport.caching.splat_kernels import tiles_reached, weight_at
 from renderers.transport.hemispherical.lune import GRADING, QUARTER
 
 SAME = 1e-4  # largest entry of R - 1 that counts as one frame
@@ -25,14 +25,10 @@ def splat_radiance(pixels, tiles, records, table, a, kind, sums, work):  # type:
     for b in numba.prange(len(tiles.first) - 1):
         touched, turned = 0, 0
         light, scratch = np.empty((3, functions), np.float32), np.empty((3, functions), np.float32)
-        rotation = np.empty((3, 3))
+        rotation, reached = np.empty((3, 3)), np.empty(tiles.first[b + 1] - tiles.first[b], np.int64)
         for k in range(len(records.position)):
             position, normal, radius = records.position[k], records.normal[k], records.radius[k]
-            if misses(tiles.block_bounds[b], position, normal, radius, a):
-                continue
-            for t in range(tiles.first[b], tiles.first[b + 1]):
-                if misses(tiles.tile_bounds[t], position, normal, radius, a):
-                    continue
+            for t in tiles_reached(tiles, b, b + 1, position, normal, radius, a, reached):
                 for i in tiles.pixel[t]:
                     if i < 0:
                         continue

@@ -7,6 +7,7 @@ depends on its place, its number and the seed alone, hence neither on its batch 
 from __future__ import annotations
 
 from collections import Counter
+from functools import lru_cache
 from typing import NamedTuple
 
 import numba
@@ -115,7 +116,7 @@ class PolarSampler:
 
     def _random(self, first: int, count: int) -> F64:
         """Numbers of each record, (K, 8): six for its lights, two that start its jitter."""
-        return np.stack([generator(self._seed, f"record {first + k}").random(8) for k in range(count)])
+        return np.stack([numbers_of(self._seed, first + k) for k in range(count)])
 
     def _light_numbers(self, seen: Seen, random: F64) -> F64:
         numbers = np.empty((len(seen.ray), 6))
@@ -129,6 +130,12 @@ class PolarSampler:
             *sites, tangents, *self.grid, self.equal_solid_angle, self._jitter, random[:, 6:], OFFSET, origins, directions
         )  # fmt: skip
         return origins, directions
+
+
+@lru_cache(maxsize=1 << 14)
+def numbers_of(seed: int, number: int) -> F64:
+    """The random numbers (8,), not to be written to, of the record or place of a number: kept, since frames ask again and again."""
+    return generator(seed, f"record {number}").random(8)
 
 
 def records_of(sites: Sites, tangents: F64, moments: Moments) -> Records:

@@ -22,7 +22,7 @@ from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.reflectance import Gloss, Lobes, stand_in_albedo
 from renderers.transport.caching.sight import in_sight
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.traced import traced_lobes
+from renderers.transport.caching.traced import notes_on_lobes, traced_lobes
 from renderers.transport.direct import receivers_of
 from renderers.transport.raycast import caster_of
 
@@ -129,11 +129,4 @@ class Passes:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a result has to say about lobes that no record holds."""
-        if self.gloss is None:
-            return ()
-        notes = []
-        if self._traced:
-            notes.append(f"{self._traced} pixels have lobes too sharp for radiance records and were traced, {self._rays} rays each")
-        if self.gloss.truncated:
-            notes.append(f"{len(self.gloss.truncated)} materials are too sharp for order {self.gloss.order}: their lobes ring")
-        return tuple(notes)
+        return notes_on_lobes(self.gloss, self._traced, self._rays)

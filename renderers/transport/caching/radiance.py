@@ -144,6 +144,7 @@ def radiance_records(sites: Sites, tangents: F64, moments: RadianceMoments) -> R
         rotation=moments.rotation @ tangents,
         coefficients=moments.coefficients,
         coefficient_gradients=moments.gradients,
+        tangents=tangents,
     )
 
 

@@ -43,8 +43,9 @@ class Records:
     position, normal (K, 3). radius (K,): R, the harmonic mean distance after the limits; a record reaches a·R far at accuracy a.
     irradiance (K, 3), one value a channel. translation, rotation (K, 3, 3): its gradients [channel, component] in world axes,
     absolute, per World unit and per radian; the argument of the latter is n_k × n. coefficients (K, n², 3): incoming radiance in
-    hemispherical harmonics of the frame `sampling.frame(normal)`, where records carry it, and coefficient_gradients (K, 2, n², 3)
-    its derivatives along the two tangents. curvature, clearance (K,): see `gradients.Moments`, where the sampler knows them.
+    hemispherical harmonics of the frame (tangents, normal), where records carry it, and coefficient_gradients (K, 2, n², 3) its
+    derivatives along the two tangents (K, 2, 3), which are `sampling.frame(normal)` where they aren't given. curvature,
+    clearance (K,): see `gradients.Moments`, where the sampler knows them.
     """
 
     position: Float
@@ -57,6 +58,7 @@ class Records:
     coefficient_gradients: Float | None = None
     curvature: Float | None = None
     clearance: Float | None = None
+    tangents: Float | None = None
 
     def __len__(self) -> int:
         return len(self.position)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from renderers.transport.caching.records import Records
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.splat_kernels import misses, weight_at
+from renderers.transport.caching.splat_kernels import tiles_reached, weight_at
 from renderers.transport.caching.weights import WEIGHTS, Weight
 
 F64 = NDArray[np.float64]
@@ -74,55 +74,50 @@ def _nearest_below(points, normals, tiles, records, a, kind, nearest):  # type: 
     """nearest (K,): distance of the nearest pixel of each record's zone that lies below it, untouched where none does."""
     for k in numba.prange(len(nearest)):
         position, normal, radius = records.position[k], records.normal[k], records.radius[k]
-        for b in range(len(tiles.first) - 1):
-            if misses(tiles.block_bounds[b], position, normal, radius, a):
-                continue
-            for t in range(tiles.first[b], tiles.first[b + 1]):
-                if misses(tiles.tile_bounds[t], position, normal, radius, a):
+        reached = np.empty(len(tiles.pixel), np.int64)
+        for t in tiles_reached(tiles, 0, len(tiles.first) - 1, position, normal, radius, a, reached):
+            for i in tiles.pixel[t]:
+                if i < 0:
                     continue
-                for i in tiles.pixel[t]:
-                    if i < 0:
-                        continue
-                    height, square = 0.0, 0.0
-                    for c in range(3):
-                        step = points[i, c] - position[c]
-                        square += step * step
-                        height += step * (normals[i, c] + normal[c]) / 2
-                    distance = np.sqrt(square)
-                    if height >= -DROP * distance or distance >= nearest[k]:
-                        continue
-                    if weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
-                        nearest[k] = distance
+                height, square = 0.0, 0.0
+                for c in range(3):
+                    step = points[i, c] - position[c]
+                    square += step * step
+                    height += step * (normals[i, c] + normal[c]) / 2
+                distance = np.sqrt(square)
+                if height >= -DROP * distance or distance >= nearest[k]:
+                    continue
+                if weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
+                    nearest[k] = distance
 
 
 @numba.njit(parallel=True, cache=True)
 def _choose(points, normals, tiles, records, clearance, a, kind, chosen):  # type: ignore[no-untyped-def]
     """chosen (K, SAMPLES): pixels of each record, -1 for none: every m-th of those that count, in the order of the tiles."""
     for k in numba.prange(len(clearance)):
-        count = _walk(points, normals, tiles, records, clearance, a, kind, k, 0, chosen)
+        position, normal, radius = records.position[k], records.normal[k], records.radius[k]
+        reached = np.empty(len(tiles.pixel), np.int64)
+        reached = tiles_reached(tiles, 0, len(tiles.first) - 1, position, normal, radius, a, reached)
+        zone = (reached, position, normal, radius, a, clearance[k])
+        count = _beyond(points, normals, tiles, zone, kind, 0, chosen[k])
         if count:
-            _walk(points, normals, tiles, records, clearance, a, kind, k, (count - 1) // chosen.shape[1] + 1, chosen)
+            _beyond(points, normals, tiles, zone, kind, (count - 1) // chosen.shape[1] + 1, chosen[k])
 
 
 @numba.njit(cache=True)
-def _walk(points, normals, tiles, records, clearance, a, kind, k, stride, chosen):  # type: ignore[no-untyped-def]
-    """How many pixels of record k's zone lie beyond its clearance; every stride-th of them is noted, none for stride 0."""
-    position, normal, radius = records.position[k], records.normal[k], records.radius[k]
+def _beyond(points, normals, tiles, zone, kind, stride, chosen):  # type: ignore[no-untyped-def]
+    """How many pixels of a zone lie beyond its record's clearance; every stride-th of them is noted, none for stride 0."""
+    reached, position, normal, radius, a, clearance = zone
     count = 0
-    for b in range(len(tiles.first) - 1):
-        if misses(tiles.block_bounds[b], position, normal, radius, a):
-            continue
-        for t in range(tiles.first[b], tiles.first[b + 1]):
-            if misses(tiles.tile_bounds[t], position, normal, radius, a):
+    for t in reached:
+        for i in tiles.pixel[t]:
+            if i < 0 or weight_at(kind, points[i], normals[i], position, normal, radius, a) <= 0:
                 continue
-            for i in tiles.pixel[t]:
-                if i < 0 or weight_at(kind, points[i], normals[i], position, normal, radius, a) <= 0:
-                    continue
-                square = 0.0
-                for c in range(3):
-                    square += (points[i, c] - position[c]) ** 2
-                if square > clearance[k] ** 2:
-                    if stride and count % stride == 0:
-                        chosen[k, count // stride] = i
-                    count += 1
+            square = 0.0
+            for c in range(3):
+                square += (points[i, c] - position[c]) ** 2
+            if square > clearance**2:
+                if stride and count % stride == 0:
+                    chosen[count // stride] = i
+                count += 1
     return count

@@ -17,6 +17,7 @@ from renderers.gbuffer import GBuffer
 from renderers.scene.world import GGX_KIND, PHONG, World
 from renderers.transport.brdf import Materials, evaluate, ggx_colors, materials_at
 from renderers.transport.caching.incoming import Incoming
+from renderers.transport.caching.reflectance import Gloss
 from renderers.transport.direct import Receivers, receivers_of
 from renderers.transport.lobes import sample_brdf, sampling_pdf
 from renderers.transport.raycast import caster_of, off_surface
@@ -61,6 +62,16 @@ def lobes_alone(m: Materials) -> Materials:
     rows = np.flatnonzero(m.kind == GGX_KIND)
     base[rows] = ggx_colors(m.rows(rows))[0]
     return m._replace(base=base, metallic=np.ones_like(m.metallic))
+
+
+def notes_on_lobes(gloss: Gloss | None, traced: int, rays: int) -> tuple[str, ...]:
+    """What a result has to say about lobes that no record holds: `traced` pixels, by so many rays each."""
+    notes = []
+    if traced:
+        notes.append(f"{traced} pixels have lobes too sharp for radiance records and were traced, {rays} rays each")
+    if gloss is not None and gloss.truncated:
+        notes.append(f"{len(gloss.truncated)} materials are too sharp for order {gloss.order}: their lobes ring")
+    return tuple(notes)
 
 
 def _traced(world: World, receivers: Receivers, view: F64, lobes: Materials, numbers: F64, incoming: Incoming) -> tuple[F64, int]:

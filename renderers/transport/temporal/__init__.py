@@ -3,13 +3,17 @@
 | module | what it gives |
 | --- | --- |
 | `lifespan` | change rates of irradiance and of radiance coefficients, lifespans |
+| `chords` | longer lives of records that are interpolated in time |
 | `motion` | what differs between the Worlds of two frames |
 | `anchors` | which surface a place lies on, and where it goes |
 | `sampling` | hemispheres whose hits are kept, at places numbered once for all |
 | `prediction` | the same hemispheres one frame ahead: cast anew where something moved, or by reprojection |
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
 | `plane` | the square sampling plane of the publication: weights, moments, reprojection; oracle of the GL passes |
-| `records` | records in time: temporal gradients, values at a frame |
+| `trends` | temporal gradients of all that records hold |
+| `records` | records in time: values at a frame |
+| `views` | pixels of a frame's views: diffuse, glossy, traced |
+| `layers` | what each cache gives the frames |
 | `pending` | frames that wait for the successors of their records |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
 | `overlay` | where records lie and how long they live, as a picture |

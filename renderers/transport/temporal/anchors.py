@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +37,10 @@ class Anchors(NamedTuple):
         """Places with a surface, (N,)."""
         return self.triangle >= 0
 
+    def rows(self, index: I64) -> Anchors:
+        """The selected ones."""
+        return Anchors(self.triangle[index], self.u[index], self.v[index])
+
 
 def anchors(world: World, sites: Sites) -> Anchors:
     """The surface that each place lies on: parallel to it, at most REACH below it and at most BURIED above."""
@@ -56,13 +61,30 @@ def carried(before: World, after: World, found: Anchors) -> tuple[F64, F64]:
 
 def departures(motion: Motion, sites: Sites) -> tuple[I64, F64, F64]:
     """Which of N places lie on a surface that moves, (M,), and how they go with it: rotation (M, 3, 3) and shift (M, 3)."""
-    index = np.zeros(0, np.int64)
+    near = np.zeros(0, np.int64)
     if motion.same_topology and motion.moved.any() and len(sites.position):
-        found = anchors(motion.before, sites)
-        index = np.flatnonzero(found.held & motion.moved[found.triangle])
-    if not len(index):
-        return index, np.zeros((0, 3, 3)), np.zeros((0, 3))
-    return index, *carried(motion.before, motion.after, Anchors(found.triangle[index], found.u[index], found.v[index]))
+        # an anchored place lies at most REACH off its surface
+        near = np.flatnonzero(_within(sites.position, motion.boxes[::2], REACH))
+    found = anchors(motion.before, sites.rows(near)) if len(near) else Anchors(np.zeros(0, np.int32), np.zeros(0), np.zeros(0))
+    going = np.flatnonzero(found.held & motion.moved[found.triangle])
+    if not len(going):
+        return near[:0], np.zeros((0, 3, 3)), np.zeros((0, 3))
+    return near[going], *carried(motion.before, motion.after, found.rows(going))
+
+
+@numba.njit(nogil=True, cache=True)
+def _within(position, boxes, margin):  # type: ignore[no-untyped-def]
+    """Which positions (N, 3) lie in one of the boxes (B, 2, 3), grown by a margin: bool (N,)."""
+    inside = np.zeros(len(position), np.bool_)
+    for i in range(len(position)):
+        for b in range(len(boxes)):
+            inside[i] = True
+            for c in range(3):
+                if position[i, c] < boxes[b, 0, c] - margin or position[i, c] > boxes[b, 1, c] + margin:
+                    inside[i] = False
+            if inside[i]:
+                break
+    return inside
 
 
 def _corners(world: World, triangle: NDArray[np.int32]) -> F64:

@@ -27,13 +27,17 @@ from numpy.typing import NDArray
 from renderers.transport.caching.limits import limited
 from renderers.transport.caching.placement import Placement, fill
 from renderers.transport.caching.records import Float, Records, Sites
+from renderers.transport.caching.sight import Blocked, in_sight
 from renderers.transport.caching.splat import Canvas
+from renderers.transport.raycast import caster_of
 from renderers.transport.temporal.anchors import anchors, departures
+from renderers.transport.temporal.chords import first_of_a_place, lengthened
 from renderers.transport.temporal.coverage import coverage, needed
-from renderers.transport.temporal.lifespan import FOREVER, darkness, irradiance_rate, lifespan, staggered
+from renderers.transport.temporal.lifespan import FOREVER, change_rate, dark_level, lifespan, staggered
 from renderers.transport.temporal.motion import Motion
-from renderers.transport.temporal.records import Timed, Trends
+from renderers.transport.temporal.records import Timed
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
+from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -44,7 +48,8 @@ MOST_STRIKES = 4
 @dataclass(frozen=True)
 class Policy:
     """a_t and δ_max (longest); keeping: how records outlive their frame; guard, stagger: see `cache` and `lifespan.staggered`;
-    frozen: no trends; follows: places go with surfaces that move."""
+    frozen: no trends; follows: places go with surfaces that move; together: see `lifespan.change_rate`; curved: lives by
+    `chords`, too."""
 
     a_t: float = 0.05
     longest: int = 20
@@ -53,6 +58,8 @@ class Policy:
     stagger: bool = True
     frozen: bool = False
     follows: bool = True
+    curved: bool = False
+    together: bool = False
 
     @property
     def foresees(self) -> bool:
@@ -79,6 +86,11 @@ class Stage(NamedTuple):
     still: bool
     changed: int
     past: Motion | None = None
+
+    @property
+    def blocked(self) -> Blocked | None:
+        """What hides a point from another, for placements that see."""
+        return caster_of(self.sampler.world).occluded if self.placement.sees else None
 
 
 class Computed(NamedTuple):
@@ -127,7 +139,7 @@ class TemporalCache:
 
         for view in views:
             view.canvas.add(values, placement.a, placement.weight, placement.gradients, counters)
-            values = fill(view.canvas, view.sites, compute, stage.distances.distances, placement, values)
+            values = fill(view.canvas, view.sites, compute, stage.distances.distances, placement, values, blocked=stage.blocked)
         self._adopt(stage, values.rows(slice(len(self.live), None)), made, counters)
         self.live = cover(self.live, stage, views)
         counters["records_alive"] += len(self.live)
@@ -154,8 +166,8 @@ class TemporalCache:
         resting = ~same & (old.rest > 0)
         renewed = Timed.joined(
             self._kept(old.rows(same), stage.frame),
-            self._computed(old.rows(resting), stage, None),
-            self._computed(old.rows(~same & ~resting), stage, stage.ahead),
+            self._computed(old.rows(resting), stage, None, views),
+            self._computed(old.rows(~same & ~resting), stage, stage.ahead, views),
         )
         self.live = _by_place(Timed.joined(self.live.rows(~over), renewed))
         return _by_place(renewed)
@@ -173,20 +185,27 @@ class TemporalCache:
         """Records that would come out as they are."""
         count = len(old)
         life = np.full(count, self.policy.longest)
-        return Timed.of(
-            old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest
-        ).turned_as(old)
+        kept = Timed.of(old.records, Trends.none(count), old.sites, old.place, frame, life, 0 * old.strikes, 0 * old.rest)
+        return replace(kept.turned_as(old), slope=0 * old.slope, span=frame - old.born)
 
-    def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None) -> Timed:
-        """Successors, their light foreseen where `ahead` is given."""
+    def _computed(self, old: Timed, stage: Stage, ahead: Ahead | None, views: Sequence[View]) -> Timed:
+        """Successors, their light foreseen where `ahead` is given; they see their zones of the views, if the placement does."""
         if not len(old):
             return Timed.empty()
         now, later = stage.sampler.sample(old.sites, old.place, ahead, old.tangents)
         foreseen = np.full(len(old), ahead is not None or stage.still)
         # neighbours among records that are still to come would make a frame depend on those after it
-        records = limited(now, replace(stage.placement.limits, neighbours=False))
+        placement, blocked = stage.placement, stage.blocked
+        records = limited(now, replace(placement.limits, neighbours=False))
+        if blocked is not None:
+            for view in views:
+                records = in_sight(records, view.canvas, placement.a, placement.weight, blocked)
         computed = Computed(old.sites, now, later, foreseen)
-        return self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
+        new = self._timed(stage.frame, records, computed, old.place, old.strikes, old.rest).turned_as(old)
+        if not self.policy.curved:
+            return new
+        assert self.least is not None
+        return lengthened(new, old, now, later, foreseen, self.least, self.policy.a_t, self.policy.longest)
 
     def _adopt(self, stage: Stage, records: Records, made: list[Computed], counters: Counter[str]) -> None:
         """Take in records of new places."""
@@ -195,13 +214,15 @@ class TemporalCache:
             return
         found = Computed.joined(made)
         if self.least is None:
-            self.least = darkness(found.now.irradiance)
+            self.least = dark_level(found.now)
         place = self.places + np.arange(len(records))
         strikes = np.where(found.foreseen, 0, MOST_STRIKES)
         rest = np.where(found.foreseen, 0, 1 + place % 2**MOST_STRIKES)
         new = self._timed(stage.frame, records, found, place, strikes, rest)
         if self.policy.stagger and self.policy.keeping == "temporal":
             new = replace(new, life=staggered(new.life, place, self.policy.longest))
+        if self.policy.curved:
+            new = first_of_a_place(new, found.now, found.later, found.foreseen)
         self.places += len(records)
         self.live = Timed.joined(self.live, new)
 
@@ -211,14 +232,12 @@ class TemporalCache:
         count = len(records)
         trends = Trends.none(count)
         if self.policy.foresees and not self.policy.frozen:
-            shrink = _shrinkage(now.translation, records.translation)
-            trends = Trends.between(now, later, np.ones(count))
-            trends = replace(trends, translation=trends.translation * shrink[:, None, None])
+            trends = Trends.between(now, later, np.ones(count)).shrunk(_shrinkage(now.translation, records.translation))
         if self.policy.keeping != "temporal":
             life = np.full(count, FOREVER if self.policy.keeping == "static" else 1)
             return Timed.of(records, trends, sites, place, frame, life, strikes, rest)
         assert self.least is not None
-        life = lifespan(irradiance_rate(now.irradiance, later.irradiance, self.least), self.policy.a_t, self.policy.longest)
+        life = lifespan(change_rate(now, later, self.least, self.policy.together), self.policy.a_t, self.policy.longest)
         life = np.where(foreseen, life, 1)
         strikes = np.where(foreseen, np.where(life > 1, 0, np.minimum(strikes + 1, MOST_STRIKES)), strikes)
         rest = np.where(foreseen, np.where(strikes > 0, 2**strikes - 1, 0), np.maximum(rest - 1, 0))

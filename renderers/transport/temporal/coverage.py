@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from renderers.transport.caching.records import Records
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.splat_kernels import misses, weight_at
+from renderers.transport.caching.splat_kernels import tiles_reached, weight_at
 from renderers.transport.caching.weights import WEIGHTS, Weight, checked_accuracy
 
 
@@ -33,31 +33,22 @@ def needed(canvas: Canvas, records: Records, sure: NDArray[np.bool_], a: float, 
 
 @numba.njit(nogil=True, cache=True)
 def _walk(points, normals, tiles, records, a, kind, covered, found):  # type: ignore[no-untyped-def]
+    reached = np.empty(len(tiles.pixel), np.int64)
     for k in range(len(records.position)):
         position, normal, radius = records.position[k], records.normal[k], records.radius[k]
-        for b in range(len(tiles.first) - 1):
-            if misses(tiles.block_bounds[b], position, normal, radius, a):
-                continue
-            for t in range(tiles.first[b], tiles.first[b + 1]):
-                if misses(tiles.tile_bounds[t], position, normal, radius, a):
-                    continue
-                for i in tiles.pixel[t]:
-                    if i >= 0 and not covered[i] and weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
-                        covered[i] = found[k] = True
+        for t in tiles_reached(tiles, 0, len(tiles.first) - 1, position, normal, radius, a, reached):
+            for i in tiles.pixel[t]:
+                if i >= 0 and not covered[i] and weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
+                    covered[i] = found[k] = True
 
 
 @numba.njit(parallel=True, cache=True)
 def _count(points, normals, tiles, records, a, kind, counts):  # type: ignore[no-untyped-def]
     for k in numba.prange(len(records.position)):
         position, normal, radius = records.position[k], records.normal[k], records.radius[k]
-        found = 0
-        for b in range(len(tiles.first) - 1):
-            if misses(tiles.block_bounds[b], position, normal, radius, a):
-                continue
-            for t in range(tiles.first[b], tiles.first[b + 1]):
-                if misses(tiles.tile_bounds[t], position, normal, radius, a):
-                    continue
-                for i in tiles.pixel[t]:
-                    if i >= 0 and weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
-                        found += 1
+        found, reached = 0, np.empty(len(tiles.pixel), np.int64)
+        for t in tiles_reached(tiles, 0, len(tiles.first) - 1, position, normal, radius, a, reached):
+            for i in tiles.pixel[t]:
+                if i >= 0 and weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
+                    found += 1
         counts[k] = found

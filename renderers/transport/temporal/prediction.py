@@ -147,7 +147,9 @@ class Reprojection:
         if not moves.any():
             return shaded.radiance, shaded.nearness, shaded.rays
         moved = Moved(seen.ray, seen.position, position, seen.geometric, moves)
-        radiance, nearness = reprojected(cast, moved, shaded.radiance, self._grid, self._footprints)
+        radiance, nearness = reprojected(
+            cast, moved, shaded.radiance, self._grid, self._footprints, self._sampler.equal_solid_angle
+        )
         return radiance, nearness, shaded.rays
 
 

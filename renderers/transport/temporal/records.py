@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.sampling import frame as frame_of
+from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -28,38 +29,11 @@ Gradients = Literal["none", "extrapolated", "interpolated"]
 
 
 @dataclass(frozen=True, eq=False)
-class Trends:
-    """Change per frame of K records: irradiance (K, 3), translation and rotation (K, 3, 3)."""
-
-    irradiance: F64
-    translation: F64
-    rotation: F64
-
-    @staticmethod
-    def between(first: Records, last: Records, frames: F64) -> Trends:
-        """Of records that become others at the same places over so many frames (K,)."""
-        per = 1 / frames
-        return Trends(
-            (last.irradiance - first.irradiance) * per[:, None],
-            (last.translation - first.translation) * per[:, None, None],
-            (last.rotation - first.rotation) * per[:, None, None],
-        )
-
-    @staticmethod
-    def none(count: int) -> Trends:
-        """No change."""
-        return Trends(np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3)))
-
-    def rows(self, index: Any) -> Trends:
-        """Those of the selected records."""
-        return Trends(self.irradiance[index], self.translation[index], self.rotation[index])
-
-
-@dataclass(frozen=True, eq=False)
 class Timed:
     """K records in time. sites: where they are; place (K,): number of the place; born (K,): frame computed; life (K,): frames it
-    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`. made (K, 3): normal
-    of the place when it was made, and turn (K, 3, 3): its rotation since, where it goes with a surface that moves."""
+    serves; covered (K,): pixels it reached in its last frame, -1 before; strikes, rest (K,): see `cache`. slope (K, n), span (K,):
+    change of light per frame before this record, and over how many frames, see `chords`. made (K, 3): normal of
+    the place when it was made, and turn (K, 3, 3): its rotation since, where it goes with a surface that moves."""
 
     records: Records
     trends: Trends
@@ -70,6 +44,8 @@ class Timed:
     covered: I64
     strikes: I64
     rest: I64
+    slope: F64
+    span: I64
     made: F64
     turn: F64
 
@@ -96,15 +72,23 @@ class Timed:
         strikes: I64,
         rest: I64,
     ) -> Timed:
-        """Records made in one frame, at new places."""
+        """Records made in one frame, at new places. Coefficients are kept as they are splatted, in float32."""
         born, unknown = np.full(len(place), frame), np.full(len(place), -1)
-        return Timed(records, trends, sites, place, born, life, unknown, strikes, rest, sites.normal, unturned(len(place)))
+        count = len(place)
+        single, light = _single(records), _single(trends)
+        slope, span = np.zeros((count, 3)), np.zeros(count, np.int64)
+        return Timed(
+            replace(records, **single), replace(trends, **light), sites, place, born, life, unknown, strikes, rest, slope, span,
+            sites.normal, unturned(count),
+        )  # fmt: skip
 
     @staticmethod
     def empty() -> Timed:
         """None."""
         nothing, three = np.zeros(0, np.int64), np.zeros((0, 3))
-        return Timed(Records.empty(), Trends.none(0), Sites(three, three, three), *(nothing,) * 6, three, unturned(0))
+        return Timed(
+            Records.empty(), Trends.none(0), Sites(three, three, three), *(nothing,) * 6, three, nothing, three, unturned(0)
+        )
 
     @staticmethod
     def joined(*parts: Timed) -> Timed:
@@ -113,10 +97,9 @@ class Timed:
         if len(filled) < 2:
             return filled[0] if filled else Timed.empty()
         columns: Any = {f.name: [getattr(part, f.name) for part in filled] for f in fields(Timed)}
-        trends = (np.concatenate([getattr(t, name) for t in columns["trends"]]) for name in Trends.__dataclass_fields__)
         joined: Any = {
             "records": Records.joined(columns["records"]),
-            "trends": Trends(*trends),
+            "trends": Trends.joined(columns["trends"]),
             "sites": Sites(*(np.concatenate(column) for column in zip(*columns["sites"], strict=True))),
         }
         joined |= {name: np.concatenate(column) for name, column in columns.items() if name not in joined}
@@ -134,14 +117,8 @@ class Timed:
 
     def at(self, frame: int) -> Records:
         """What they say at a frame. Irradiance stays ≥ 0."""
-        dt = (frame - self.born).astype(np.float64)
-        trends = self.trends
-        return replace(
-            self.records,
-            irradiance=np.maximum(self.records.irradiance + trends.irradiance * dt[:, None], 0),
-            translation=self.records.translation + trends.translation * dt[:, None, None],
-            rotation=self.records.rotation + trends.rotation * dt[:, None, None],
-        )
+        records = self.trends.after(self.records, (frame - self.born).astype(np.float64))
+        return replace(records, irradiance=np.maximum(records.irradiance, 0))
 
     def carried(self, index: I64, rotation: F64, shift: F64) -> Timed:
         """The same with the selected places (N,) turned about themselves (N, 3, 3) and moved (N, 3), and their light with them."""
@@ -155,7 +132,8 @@ class Timed:
             column[index] = np.einsum("nij,nj->ni", rotation, column[index])
         records = replace(self.records, position=position, normal=normal, **_turned(self.records, index, rotation))
         trends = replace(self.trends, **_turned(self.trends, index, rotation))
-        return replace(self, records=records, trends=trends, sites=Sites(position, normal, geometric), turn=turn)
+        moved = replace(self, records=records, trends=trends, sites=Sites(position, normal, geometric), turn=turn)
+        return moved if records.tangents is None else replace(moved, records=replace(records, tangents=moved.tangents))
 
     def turned_as(self, others: Timed) -> Timed:
         """The same at places that turned as those of others did."""
@@ -163,11 +141,7 @@ class Timed:
 
     def with_trends(self, index: Any, trends: Trends) -> Timed:
         """The same with other trends at the selected ones."""
-        columns: dict[str, Any] = {}
-        for name in Trends.__dataclass_fields__:
-            columns[name] = getattr(self.trends, name).copy()
-            columns[name][index] = getattr(trends, name)
-        return replace(self, trends=Trends(**columns))
+        return replace(self, trends=self.trends.updated(index, trends))
 
 
 def unturned(count: int) -> F64:
@@ -175,8 +149,14 @@ def unturned(count: int) -> F64:
     return np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
 
 
+def _single(values: Records | Trends) -> dict[str, Any]:
+    """Coefficients and their gradients in float32, where there are any."""
+    columns: dict[str, Any] = {name: getattr(values, name) for name in ("coefficients", "coefficient_gradients")}
+    return {name: None if column is None else column.astype(np.float32, copy=False) for name, column in columns.items()}
+
+
 def _turned(values: Records | Trends, index: Any, rotation: F64) -> dict[str, Any]:
-    """Spatial gradients, or their trends, with the selected ones turned."""
+    """Spatial gradients, or their trends, with the selected ones turned. Coefficients are those of axes that turn as well."""
     columns: dict[str, Any] = {}
     for name in ("translation", "rotation"):
         columns[name] = getattr(values, name).copy()

@@ -43,8 +43,11 @@ class Moved(NamedTuple):
         return Moved(*columns)
 
 
-def reprojected(cast: Cast, moved: Moved, radiance: F32, grid: Grid, footprints: int) -> tuple[F32, F32]:
-    """Radiance (R, 3) and nearness (R,) after the motion; radiance (R, 3): of each ray's hit, where it is then."""
+def reprojected(cast: Cast, moved: Moved, radiance: F32, grid: Grid, footprints: int, solid: bool = False) -> tuple[F32, F32]:
+    """Radiance (R, 3) and nearness (R,) after the motion; radiance (R, 3): of each ray's hit, where it is then.
+
+    solid: cells are of equal solid angle, else of equal projected solid angle.
+    """
     first = np.searchsorted(moved.ray, np.arange(len(cast.tangents) + 1) * grid.cells)
     out, near = radiance.copy(), cast.nearness.copy()
     shape = grid.rings * footprints, grid.sectors * footprints
@@ -57,7 +60,7 @@ def reprojected(cast: Cast, moved: Moved, radiance: F32, grid: Grid, footprints:
         axes = np.concatenate([cast.tangents[k], cast.sites.normal[k : k + 1]])
         here = moved.rows(part)
         here = here._replace(ray=here.ray - k * grid.cells)
-        holes = _draw(*grid, footprints, axes, cast.origins[rays], here, cast.nearness[rays], depth, source)
+        holes = _draw(*grid, solid, footprints, axes, cast.origins[rays], here, cast.nearness[rays], depth, source)
         fill(depth, source, holes)
         _average(footprints, depth, source, radiance[rays], out[rays], near[rays])
     return out, near
@@ -83,7 +86,7 @@ def fill(depth: F32, source: NDArray[np.int64], holes: NDArray[np.int64], cyclic
 
 
 @numba.njit(nogil=True, cache=True)
-def _draw(rings, sectors, f, axes, origins, moved, nearness, depth, source):  # type: ignore[no-untyped-def]
+def _draw(rings, sectors, solid, f, axes, origins, moved, nearness, depth, source):  # type: ignore[no-untyped-def]
     """Steps 1 and 2; returns the holes. axes (3, 3): tangents and normal."""
     for j in range(rings * f):
         for k in range(sectors * f):
@@ -100,7 +103,7 @@ def _draw(rings, sectors, f, axes, origins, moved, nearness, depth, source):  # 
                     source[cell // sectors * f + a, cell % sectors * f + b] = cell
     for s in range(len(moved.ray)):
         if moved.moves[s]:
-            _footprint(rings, sectors, f, axes, origins, moved, s, depth, source)
+            _footprint(rings, sectors, solid, f, axes, origins, moved, s, depth, source)
     holes = np.empty(rings * sectors * f * f, np.int64)
     count = 0
     for cell in range(rings * sectors):
@@ -115,7 +118,7 @@ def _draw(rings, sectors, f, axes, origins, moved, nearness, depth, source):  # 
 
 
 @numba.njit(nogil=True, cache=True)
-def _footprint(rings, sectors, f, axes, origins, moved, s, depth, source):  # type: ignore[no-untyped-def]
+def _footprint(rings, sectors, solid, f, axes, origins, moved, s, depth, source):  # type: ignore[no-untyped-def]
     """Draw the points of one moving hit."""
     cell = moved.ray[s]
     offset, away = np.empty(3), np.empty(3)
@@ -132,6 +135,7 @@ def _footprint(rings, sectors, f, axes, origins, moved, s, depth, source):  # ty
                     away[c] = moved.after[s, c] - origins[cell, c]
             else:
                 square = (cell // sectors + (a + 0.5) / f) / rings
+                square = square * (2 - square) if solid else square  # sin² θ, with cos θ = 1 - (j + a) / M
                 phi = 2 * np.pi * (cell % sectors + (b + 0.5) / f) / sectors
                 sine, slope = np.sqrt(square), 0.0
                 x, y, z = sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1 - square)
@@ -143,11 +147,11 @@ def _footprint(rings, sectors, f, axes, origins, moved, s, depth, source):  # ty
                     along = reach
                 for c in range(3):
                     away[c] = away[c] * along + moved.after[s, c] - moved.before[s, c]
-            _point(rings * f, sectors * f, axes, away, cell, depth, source)
+            _point(rings * f, sectors * f, solid, axes, away, cell, depth, source)
 
 
 @numba.njit(nogil=True, cache=True)
-def _point(rings, sectors, axes, away, number, depth, source):  # type: ignore[no-untyped-def]
+def _point(rings, sectors, solid, axes, away, number, depth, source):  # type: ignore[no-untyped-def]
     """Draw one point at `away` from the record, if it lies above its horizon."""
     square, x, y, z = 0.0, 0.0, 0.0, 0.0
     for c in range(3):
@@ -157,7 +161,8 @@ def _point(rings, sectors, axes, away, number, depth, source):  # type: ignore[n
         z += away[c] * axes[2, c]
     if z <= NEAREST or square <= NEAREST**2:
         return
-    j = int((x * x + y * y) / square * rings + SNAP)
+    height = 1 - z / np.sqrt(square) if solid else (x * x + y * y) / square
+    j = int(height * rings + SNAP)
     turn = np.arctan2(y, x) / (2 * np.pi)
     k = int((turn + 1 if turn < 0 else turn) * sectors + SNAP) % sectors
     distance = np.float32(np.sqrt(square))

@@ -8,7 +8,6 @@ differences.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -16,12 +15,14 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.gradients import polar_moments
-from renderers.transport.caching.hemisphere import GOLDEN, RAYS_PER_TASK, Grid, PolarSampler, grid_of, records_of
+from renderers.transport.caching.hemisphere import GOLDEN, RAYS_PER_TASK, Grid, PolarSampler, grid_of, numbers_of, records_of
 from renderers.transport.caching.incoming import Incoming
+from renderers.transport.caching.radiance import radiance_moments, radiance_records
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
-from renderers.transport.sampling import frame, generator
+from renderers.transport.sampling import frame
 from renderers.transport.seen import Seen, seen_along
+from renderers.transport.temporal.trends import Trends
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
@@ -52,10 +53,11 @@ class Cast(NamedTuple):
     def part(self, places: I64, cells: I64) -> Cast:
         """Some cells (C,) of the hemispheres of some places (M,), in order."""
         rays = (places[:, None] * (len(self.origins) // len(self.tangents)) + cells).ravel()
-        number = np.full(len(self.origins), -1)
-        number[rays] = np.arange(len(rays))
-        kept = number[self.seen.ray] >= 0
-        columns: Any = (column[kept] for column in self.seen)
+        row = np.full(len(self.origins), -1)
+        row[self.seen.ray] = np.arange(len(self.seen.ray))
+        found = row[rays]
+        number = np.flatnonzero(found >= 0)
+        columns: Any = (column[found[number]] for column in self.seen)
         seen = Seen(*columns)
         hit: Any = (column[rays] for column in self.hits)
         random, radiance, nearness = self.random[places], self.radiance[rays], self.nearness[rays]
@@ -63,7 +65,7 @@ class Cast(NamedTuple):
         cell = np.arange(len(places))[:, None] * (len(self.origins) // len(self.tangents)) + cells
         return Cast(
             self.sites.rows(places), self.tangents[places], self.origins[rays], self.directions[rays], Hits(*hit),
-            seen._replace(ray=number[seen.ray]), random, radiance, nearness, cell.ravel(),
+            seen._replace(ray=number), random, radiance, nearness, cell.ravel(),
         )  # fmt: skip
 
 
@@ -81,10 +83,17 @@ class Ahead(Protocol):
 
 
 class TemporalSampler(PolarSampler):
-    """Computes records at places with numbers of their own, and the same records one frame ahead. Counters as `PolarSampler`."""
+    """Computes records at places with numbers of their own, and the same records one frame ahead. Counters as `PolarSampler`.
 
-    def __init__(self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1) -> None:
+    order: None for irradiance records, 2 at least for radiance records.
+    """
+
+    def __init__(
+        self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1,
+        order: int | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(world, grid, incoming, seed, counters=counters)
+        self.order, self.equal_solid_angle = order, order is not None
         self._coarse = coarse(grid, sparse)
 
     def sample(self, sites: Sites, places: I64, ahead: Ahead | None = None, tangents: F64 | None = None) -> tuple[Records, Records]:
@@ -92,29 +101,40 @@ class TemporalSampler(PolarSampler):
 
         tangents (N, 2, 3): axes of the hemispheres, where they aren't those of `sampling.frame`.
         """
-        size = max(1, RAYS_PER_TASK // self.grid.cells)
+        size, order = max(1, RAYS_PER_TASK // self.grid.cells), np.arange(len(places))
+        parts = chunks(len(order), size)
+        if ahead is not None:
+            # places that are foreseen alike go together
+            changes = ahead.changes(sites)
+            order, alike = np.argsort(changes, kind="stable"), int(np.count_nonzero(~changes))
+            parts = [
+                *chunks(alike, size),
+                *(slice(alike + part.start, alike + part.stop) for part in chunks(len(order) - alike, size)),
+            ]
 
         def task(part: slice) -> tuple[Records, Records, int]:
-            cast, rays = self.cast(sites.rows(part), places[part], None if tangents is None else tangents[part])
+            rows = order[part]
+            cast, rays = self.cast(sites.rows(rows), places[rows], None if tangents is None else tangents[rows])
             now = self._records(cast, cast.radiance, cast.nearness)
             if ahead is None:
                 return now, now, rays
             later, more = self.foreseen(cast, now, ahead)
             return now, later, rays + more
 
-        done = in_threads(task, chunks(len(sites.position), size))
+        done = in_threads(task, parts)
         self.counters["rays"] += sum(rays for _, _, rays in done)
-        self.counters["records"] += len(sites.position)
-        self.counters["predictions"] += 0 if ahead is None else len(sites.position)
-        return Records.joined([now for now, _, _ in done]), Records.joined([later for _, later, _ in done])
+        self.counters["records"] += len(places)
+        self.counters["predictions"] += 0 if ahead is None else len(places)
+        back = np.argsort(order)
+        return Records.joined([now for now, _, _ in done]).rows(back), Records.joined([later for _, later, _ in done]).rows(back)
 
     def cast(self, sites: Sites, places: I64, tangents: F64 | None = None) -> tuple[Cast, int]:
         """The hemispheres of a few places, and the number of rays cast. In the calling thread up to RAYS_PER_TASK rays."""
         cells = len(places) * self.grid.cells
         tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
-        random = np.stack([generator(self._seed, f"record {place}").random(8) for place in places])
+        random = np.stack([numbers_of(self._seed, int(place)) for place in places])
         origins, directions = self._rays(sites, tangents, random)
-        hits = self._caster.first_hit(origins, directions)
+        hits = self._caster.first_hit(origins, directions, self.grid)
         seen = seen_along(self.world, directions, hits)
         radiance, nearness = np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32)
         radiance[seen.ray], shadow_rays = self._incoming(seen, self._light_numbers(seen, random))
@@ -131,7 +151,7 @@ class TemporalSampler(PolarSampler):
         if len(self._coarse.cells) == self.grid.cells or not changes.any():
             radiance, nearness, rays = ahead(cast)
             return self._records(cast, radiance, nearness), rays
-        change, total = np.zeros((len(changes), 21)), 0
+        found, order, total = list[Trends](), list[I64](), 0
         for index, grid, cells in (
             (np.flatnonzero(~changes), self.grid, np.arange(self.grid.cells)),
             (np.flatnonzero(changes), *self._coarse),
@@ -139,18 +159,15 @@ class TemporalSampler(PolarSampler):
             if len(index):
                 part = cast.part(index, cells)
                 radiance, nearness, rays = ahead(part)
-                found = _light(self._records(part, radiance, nearness, grid))
-                found -= _light(self._records(part, part.radiance, part.nearness, grid))
+                last, first = (
+                    self._records(part, *light, grid) for light in ((radiance, nearness), (part.radiance, part.nearness))
+                )
                 differences = (radiance - part.radiance).reshape(len(index), *grid, 3)
                 share = 0.0 if ahead.smooth else 1 / len(cells) - 1 / self.grid.cells
-                change[index] = found * _certain(found, differences, share)
+                found.append(_certain(Trends.between(first, last, np.ones(len(index))), differences, share))
+                order.append(index)
                 total += rays
-        light = _light(now) + change
-        shape = len(changes), 3, 3
-        later = replace(
-            now, irradiance=light[:, :3], translation=light[:, 3:12].reshape(shape), rotation=light[:, 12:].reshape(shape)
-        )
-        return later, total
+        return Trends.joined(found).rows(np.argsort(np.concatenate(order))).after(now, np.ones(len(changes))), total
 
     def light_numbers(self, seen: Seen, cast: Cast) -> F64:
         """Random numbers float64 (S, 6) for the lights of hits of a cast's rays."""
@@ -158,7 +175,10 @@ class TemporalSampler(PolarSampler):
 
     def _records(self, cast: Cast, radiance: F32, nearness: F32, grid: Grid | None = None) -> Records:
         shape = len(cast.tangents), *(self.grid if grid is None else grid)
-        return records_of(cast.sites, cast.tangents, polar_moments(radiance.reshape(*shape, 3), nearness.reshape(shape)))
+        light, near = radiance.reshape(*shape, 3), nearness.reshape(shape)
+        if self.order is None:
+            return records_of(cast.sites, cast.tangents, polar_moments(light, near))
+        return radiance_records(cast.sites, cast.tangents, radiance_moments(light, near, self.order))
 
 
 class Coarse(NamedTuple):
@@ -182,24 +202,20 @@ def coarse(grid: Grid, sparse: int) -> Coarse:
     return Coarse(few, ring * grid.sectors + sector)
 
 
-def _light(records: Records) -> F64:
-    """Irradiance and its gradients, (K, 21)."""
-    count = len(records)
-    parts = (getattr(records, name).reshape(count, -1) for name in ("irradiance", "translation", "rotation"))
-    return np.concatenate(list(parts), axis=1)
-
-
-def _certain(change: F64, differences: F32, share: float) -> F64:
-    """What to scale changes (K, 21) of records by, whose irradiance changed by means over C = M·N cells, (K, M, N, 3).
+def _certain(change: Trends, differences: F32, share: float) -> Trends:
+    """Changes of K records, found from C = M·N cells that changed by `differences` (K, M, N, 3), less what is noise of them.
 
     The square of a mean over C of all cells exceeds that over all by its noise, variance · (1/C - 1/all) on average (`share`: the
     bracket): taken as it is, it would make lives shorter than all rays would. Cells are strata, whose variance is half the mean
-    square of what neighbours differ by: a smooth change has none. A change that drowns in its noise isn't known to be none: if
-    it exceeds LOST of its noise, it isn't scaled below that.
+    square of what neighbours differ by: a smooth change has none. Irradiance is π times a mean; the n² coefficients are 2π times
+    means of L·H_i, and the mean squares of the H_i are 1/2π. A change that drowns in its noise isn't known to be none: if it
+    exceeds LOST of its noise, it isn't scaled below that.
     """
     apart = np.diff(differences, axis=2, append=differences[:, :, :1]).astype(np.float64)
-    noise = np.pi**2 * share * (apart**2).mean(axis=(1, 2)) / 2
-    square = change[:, :3] ** 2
-    noise = noise / np.maximum(square, 1e-300)
-    factor = np.sqrt(np.maximum(1 - noise, np.minimum(1, LOST**2 * noise)))
-    return np.concatenate([factor, np.repeat(factor, 3, axis=1), np.repeat(factor, 3, axis=1)], axis=1)
+    variance = share * (apart**2).mean(axis=(1, 2)) / 2
+    if change.coefficients is None:
+        noise, square = np.pi**2 * variance, change.irradiance**2
+    else:
+        noise, square = 2 * np.pi * change.coefficients.shape[1] * variance, (change.coefficients**2).sum(axis=1)
+    part = noise / np.maximum(square, 1e-300)
+    return change.scaled(np.sqrt(np.maximum(1 - part, np.minimum(1, LOST**2 * part))))

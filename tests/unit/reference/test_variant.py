@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -47,9 +48,29 @@ def test_an_aborting_llvm_is_named_with_the_fix_and_asked_again(fresh: Path, mon
     variant.probe.cache_clear()
 
 
-def test_a_missing_llvm_shows_its_last_line(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(subprocess, "run", lambda *a, **k: answer(1, "Traceback\nImportError: no libLLVM"))
-    assert "ImportError: no libLLVM; fix: apt-get install libllvm19" in variant.probe().message
+@pytest.mark.parametrize(
+    ("last", "fix"),
+    [
+        (
+            'ImportError: jit_init_thread_state(): the LLVM shared library ("libLLVM.so") could not be found!',
+            "apt-get install libllvm19",
+        ),
+        ("ImportError: libmitsuba.so: undefined symbol", "make install"),
+    ],
+)
+def test_a_failure_shows_its_last_line_and_what_mends_it(fresh: Path, monkeypatch: pytest.MonkeyPatch, last: str, fix: str) -> None:
+    monkeypatch.setattr(subprocess, "run", lambda *a, **k: answer(1, f"Traceback\n{last}"))
+    assert variant.probe().message == f"Mitsuba's llvm_ad_rgb does not run: {last}; fix: {fix}"
+    variant.probe.cache_clear()
+
+
+@pytest.mark.parametrize("missing", ["mitsuba", "drjit"])
+def test_a_missing_package_is_named_whatever_was_remembered(fresh: Path, monkeypatch: pytest.MonkeyPatch, missing: str) -> None:
+    (fresh / "mitsuba-variant.json").write_text(json.dumps({"key": "old", "probe": {}}))
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == missing else found(name))
+    monkeypatch.setattr(subprocess, "run", lambda *a, **k: pytest.fail("asked in vain"))
+    assert variant.probe().message == f"Mitsuba's llvm_ad_rgb does not run: Python can't find {missing}; fix: make install"
     variant.probe.cache_clear()
 
 
@@ -58,7 +79,9 @@ def test_a_probe_that_hangs_is_an_answer(fresh: Path, monkeypatch: pytest.Monkey
         raise subprocess.TimeoutExpired("python", 1)
 
     monkeypatch.setattr(subprocess, "run", hang)
-    assert "did not answer" in variant.probe().message
+    message = variant.probe().message
+    assert "no answer within" in message
+    assert "libllvm" not in message
     variant.probe.cache_clear()
 
 

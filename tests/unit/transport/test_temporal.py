@@ -14,7 +14,8 @@ from renderers.transport.temporal.anchors import anchors, carried
 from renderers.transport.temporal.coverage import coverage
 from renderers.transport.temporal.motion import crossing, motion_between
 from renderers.transport.temporal.overlay import overlay
-from renderers.transport.temporal.records import Timed, Trends, succeeded
+from renderers.transport.temporal.records import Timed, succeeded
+from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
 
@@ -176,7 +177,7 @@ def test_overlay_draws_visible_records_in_the_colours_of_their_lives() -> None:
     from dataclasses import replace
 
     picture = overlay(
-        replace(timed, sites=sites, life=np.array([1, 20, 10, 10])),
+        [replace(timed, sites=sites, life=np.array([1, 20, 10, 10]))],
         20,
         world.camera,
         gbuffer.position,
