@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from renderers.transport.caching.limits import Limits
-from renderers.transport.caching.placement import Placement
+from renderers.transport.caching.placement import Order, Placement
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.splat import Canvas
 from renderers.transport.temporal import cache as temporal_cache
@@ -136,7 +136,14 @@ class Film:
 
 
 def run(
-    monkeypatch: pytest.MonkeyPatch, mode: str, frames: int = 60, v: float = 0.25, pan: float = 0.0, a: float = 0.2, **policy: Any
+    monkeypatch: pytest.MonkeyPatch,
+    mode: str,
+    frames: int = 60,
+    v: float = 0.25,
+    pan: float = 0.0,
+    a: float = 0.2,
+    order: Order = "batched",
+    **policy: Any,
 ) -> Film:
     """So many frames, and as many more as their records live. pan: floor units a frame that the view moves by."""
     # the floor holds all places
@@ -144,7 +151,7 @@ def run(
     chosen = Policy(**{"guard": False, "stagger": False, "frozen": mode == "none", **policy})
     cache, films, open_ = TemporalCache(chosen), [], []
     canvases, truth, counters = [], [], []
-    placement = Placement(a, limits=Limits(1e-3, 1e3, gradient=False))
+    placement = Placement(a, limits=Limits(1e-3, 1e3, gradient=False), order=order)
     for t in range(frames + (chosen.longest if mode == "interpolated" else 0)):
         canvas = _view(t * pan)
         counter = Counter[str]()

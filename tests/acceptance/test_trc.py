@@ -158,6 +158,19 @@ def test_a29_no_pixel_is_left_without_a_record() -> None:
     assert all(f.counters["pixels_missed"] == 0 for f in frames_of(slow_cube(), 4))
 
 
+def test_a28_light_is_that_of_path_tracing() -> None:
+    """A closed diffuse room with a block: direct light by 10⁻³ at all pixels, one bounce (path of depth 3 less that of depth 2) by
+    1 % in the mean. Path tracing's own noise in the mean is 0.02 / √768 = 0.07 %."""
+    from renderers.reference.replicates import render
+
+    scene, size = room(), (32, 24)
+    frame = METHOD.render(scene, TrcSettings(rays=1024, a=0.1), size=size)
+    once, twice = (render(scene, transport, size, noise=0.02).image for transport in ("direct", "one-bounce"))
+    direct, indirect = frame.layers["direct"], frame.layers["indirect"]
+    assert np.abs(direct - once).max() <= 1e-3 * once.mean()
+    assert indirect.mean(dtype=np.float64) == pytest.approx((twice - once).mean(dtype=np.float64), rel=0.01)
+
+
 def test_same_bytes_at_any_thread_count() -> None:
     import numba
 

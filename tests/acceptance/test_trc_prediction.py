@@ -4,11 +4,14 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from caching_rooms import ALBEDOS_2, EYE_2, FORWARD_2, FOV_2, INTENSITY_2, shell
 from numpy.typing import NDArray
-from temporal_rooms import room, toy_box
+from temporal_rooms import FPS, room, toy_box
 
+from renderers.scene.builder import SceneBuilder
 from renderers.scene.builtin.exact import polygon_irradiance
-from renderers.scene.model import Scene
+from renderers.scene.model import Lambert, PointLight, Scene
+from renderers.scene.shapes import sphere
 from renderers.transport.caching.hemisphere import grid_of
 from renderers.transport.caching.incoming import ReflectedDirectLight
 from renderers.transport.caching.plane import covered_cosine, plane_directions, plane_moments, plane_weights
@@ -180,6 +183,35 @@ def test_h7_an_approaching_ball_is_seen_to_approach() -> None:
     now, exact = (np.sum(weights().ravel() * np.where(mask, 1.0, 0.1)) for mask in (hit, ball(near)[0]))
     estimated = np.sum(weights() * light[drawn.source])
     assert 0.3 <= (estimated - now) / (exact - now) <= 1.3
+
+
+def approaching(magnification: float) -> Scene:
+    """A ball of radius 0.3 over the floor's middle, whose centre comes nearer from 0.65 in one frame; a lamp at the side."""
+    b = SceneBuilder("approaching-ball")
+    shell(b, ALBEDOS_2)
+    node = b.place(sphere(0.3, 96, 48), b.material(Lambert("ball", (0.75,) * 3)), "ball")
+    b.light(PointLight("lamp", (1.0, 1.0, 1.0), INTENSITY_2), (1.2, -0.8, 1.6))
+    b.camera(EYE_2, EYE_2 + FORWARD_2, FOV_2, (0, 0, 1))
+    heights = np.array([0.65, 0.65 / magnification])
+    b.animate(node, "translation", np.arange(2) / FPS, np.stack([0 * heights, 0 * heights, heights], 1))
+    return b.build(fps=FPS, frames=2)
+
+
+@pytest.mark.parametrize("magnification", [1.18, 1.44])
+def test_h7_an_approaching_ball_in_a_lit_room(magnification: float) -> None:
+    """Places under it see between 0.3 and 1.3 of the change, by single points too; footprints come nearer to it."""
+    scene = approaching(magnification)
+    motion = motion_between(scene.world(0), scene.world(1))
+    places = np.array([(0.02, 0.01, 0), (0.2, -0.1, 0), (-0.3, 0.2, 0)])
+    up = np.broadcast_to([0.0, 0, 1], places.shape)
+    sites = Sites((places - motion.before.centre) * motion.before.scale, up, up)
+    now, exact = (sampled(world_sampler(w), sites).irradiance[:, 0] for w in (motion.before, motion.after))
+    seen = {}
+    for name, ahead in predictors(motion).items():
+        seen[name] = (sampled(world_sampler(motion.before), sites, ahead).irradiance[:, 0] - now) / (exact - now)
+    for name in ("points 1", "points 4"):
+        assert ((seen[name] >= 0.3) & (seen[name] <= 1.3)).all(), seen
+    assert np.abs(seen["points 4"] - 1).mean() < np.abs(seen["points 1"] - 1).mean(), seen
 
 
 def test_h8_what_appears_behind_a_receding_ball_is_taken_from_the_background() -> None:

@@ -148,15 +148,16 @@ class TemporalCache:
     def renew(self, stage: Stage, counters: Counter[str], views: Sequence[View] = ()) -> Timed:
         """Delete or compute anew all records whose life is over. Returns the new ones.
 
-        views: of this frame. With them, places whose records live for one frame are given up where others reach all of their
-        pixels: else places that accumulate from frame to frame would cost more than those that a cache of one frame needs.
+        views: of this frame. With them, and where the guard rests most places, those whose records live for one frame are given up
+        where others reach all of their pixels: else places that accumulate from frame to frame would cost more than those that
+        a cache of one frame needs. Elsewhere they stay: what comes and goes with them would flicker.
         """
         if self.policy.follows and stage.past is not None:
             self.live = self.live.carried(*departures(stage.past, self.live.sites))
         over = self.live.last < stage.frame
         old = self.live.rows(over & (self.live.covered > 0))
         old = old.rows(anchors(stage.sampler.world, old.sites).held)
-        if self.policy.guard and views:
+        if views and self._rests_everywhere():
             old = old.rows(self._needed(self.live.rows(~over), old, stage.placement, views))
         counters["records_deleted"] += int(np.count_nonzero(over)) - len(old)
         counters["records_renewed"] += len(old)
@@ -173,6 +174,8 @@ class TemporalCache:
 
     def _needed(self, valid: Timed, old: Timed, placement: Placement, views: Sequence[View]) -> NDArray[np.bool_]:
         """Which of the records to renew, (K,), were foreseen to last, or reach pixels that no other does."""
+        if not old.strikes.any():
+            return np.ones(len(old), bool)
         both = Records.joined([valid.records, old.records])
         sure = np.concatenate([np.ones(len(valid), bool), old.strikes == 0])
         for view in views:

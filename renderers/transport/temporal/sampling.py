@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.gradients import polar_moments
-from renderers.transport.caching.hemisphere import RAYS_PER_TASK, Grid, PolarSampler, grid_of, numbers_of, records_of
+from renderers.transport.caching.hemisphere import GOLDEN, RAYS_PER_TASK, Grid, PolarSampler, grid_of, numbers_of, records_of
 from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.radiance import radiance_moments, radiance_records
 from renderers.transport.caching.records import Records, Sites
@@ -28,6 +28,7 @@ from renderers.transport.threads import chunks, in_threads
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+LOST = 1 / 3
 
 
 class Cast(NamedTuple):
@@ -200,12 +201,13 @@ class Coarse(NamedTuple):
 
 
 def coarse(grid: Grid, few: Grid) -> Coarse:
-    """One cell of a grid in each cell of a coarser one, at places that a plane-filling sequence picks."""
-    number = np.arange(few.cells)
-    # R2 sequence (Roberts 2018): neighbouring cells don't pick alike
-    inside = np.modf((number[:, None] + 1) * np.array([0.7548776662466927, 0.5698402909980532]))[0]
-    ring = ((number // few.sectors + inside[:, 0]) * grid.rings / few.rings).astype(np.int64)
-    sector = ((number % few.sectors + inside[:, 1]) * grid.sectors / few.sectors).astype(np.int64)
+    """One cell of a grid in each cell of a coarser one, where its own golden-ratio sequences would meet it.
+
+    As in whole hemispheres an edge along a ring or a sector is then met at evenly spread places (`hemisphere`).
+    """
+    row, column = np.divmod(np.arange(few.cells), few.sectors)
+    ring = ((row + column * GOLDEN % 1) * grid.rings / few.rings).astype(np.int64)
+    sector = ((column + row * GOLDEN % 1) * grid.sectors / few.sectors).astype(np.int64)
     return Coarse(few, ring * grid.sectors + sector)
 
 
@@ -215,7 +217,8 @@ def _certain(change: Trends, differences: F32, share: float) -> Trends:
     The square of a mean over C of all cells exceeds that over all by its noise, variance · (1/C - 1/all) on average (`share`: the
     bracket): taken as it is, it would make lives shorter than all rays would. Cells are strata, whose variance is half the mean
     square of what neighbours differ by: a smooth change has none. Irradiance is π times a mean; the n² coefficients are 2π times
-    means of L·H_i, and the mean squares of the H_i are 1/2π.
+    means of L·H_i, and the mean squares of the H_i are 1/2π. A change that drowns in its noise isn't known to be none: if it
+    exceeds LOST of its noise, it isn't scaled below that.
     """
     apart = np.diff(differences, axis=2, append=differences[:, :, :1]).astype(np.float64)
     variance = share * (apart**2).mean(axis=(1, 2)) / 2
@@ -223,4 +226,5 @@ def _certain(change: Trends, differences: F32, share: float) -> Trends:
         noise, square = np.pi**2 * variance, change.irradiance**2
     else:
         noise, square = 2 * np.pi * change.coefficients.shape[1] * variance, (change.coefficients**2).sum(axis=1)
-    return change.scaled(np.sqrt(np.maximum(1 - noise / np.maximum(square, 1e-300), 0)))
+    part = noise / np.maximum(square, 1e-300)
+    return change.scaled(np.sqrt(np.maximum(1 - part, np.minimum(1, LOST**2 * part))))
