@@ -35,7 +35,8 @@ def prepare(world: World, settings: Any) -> None:
 
         up = np.array([[0.0, 0.0, 1.0]])
         samplers_of(world, settings, 0, Counter(), None)[0].sample(Sites(np.zeros((1, 3)), up, up), np.arange(1))
-        draw_of(settings.backend)(up[None].astype(np.float32), 4, 1.0)
+        if settings.prediction == "reproject":
+            draw_of(settings.backend)(up[None].astype(np.float32), 4, 1.0)
 
 
 def samplers_of(
