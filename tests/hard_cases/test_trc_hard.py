@@ -175,7 +175,7 @@ def test_records_on_a_moving_cube_go_with_it(monkeypatch: pytest.MonkeyPatch) ->
     scene = load_scene("cube-in-a-box")
     kept = {}
     for follow in (True, False):
-        frames = caches_of(monkeypatch, scene, 6, delta_max=8, follow=follow, stagger=False, a=0.1, a_t=10.0)
+        frames = caches_of(monkeypatch, scene, 6, delta_max=8, follow=follow, stagger=False, a=0.08, a_t=10.0)
         (first, stage, _), (last, later, _) = frames[0], frames[-1]
         cube = first.rows(anchors(stage.sampler.world, first.sites).triangle >= 12)
         cube = cube.rows((cube.last >= 5) & np.isin(cube.place, last.place))

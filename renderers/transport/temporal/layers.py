@@ -93,7 +93,7 @@ def hand_over(waiting: Iterable[Share], renewed: Timed, frame: int) -> None:
     for earlier in waiting:
         if not earlier.settled:
             earlier.successors.append(renewed)
-            earlier.open = left = earlier.open & (earlier.records.last >= frame)
-            if not left.any():
+            earlier.open = earlier.open & (earlier.records.last >= frame)
+            if not earlier.open.any():
                 earlier.records, _ = succeeded(earlier.records, earlier.waited, Timed.joined(*earlier.successors), frame)
                 earlier.successors.clear()
