@@ -1,13 +1,15 @@
 """Temporal radiance caching against caches of each frame, a cache that is never renewed, and path tracing at equal time.
 
-Run: `python -m benchmarks.trc [--scene NAME]… [--run NAME]… [--size WxH] [--frames A:B] [--references K,A:B,…] [--out FOLDER]`.
+Run: `python -m benchmarks.trc [--scene NAME]… [--run NAME]… [--rays N] [--size WxH] [--frames A:B] [--references K,A:B,…]
+[--out FOLDER]`.
 All five scenes take about a quarter of an hour on two quiet cores; a scene at a time less. Figures: docs/methods/trc.md.
 
-`temporal` is `trc`; `per-frame` the same program with a fresh cache in every frame, the baseline of all ratios; `rcs` the method of
-that name, which places records otherwise and is left out unless asked for; `static` never renews a record: ghosts as bad
-as they get. Caches take turns frame by frame. `pt` and `pt-temporal` trace as many one-bounce paths a pixel as take the CPU time
-of `temporal`, found by a pilot. They reflect indirect light on glossy surfaces as such, caches and the truth as on diffuse ones
-(`glossy=diffuse`), so their errors mean something in diffuse scenes only. Glossy records: benchmarks/trc_glossy.py.
+`temporal` is `trc`; `per-frame` the same program with a fresh cache in every frame, the baseline of all ratios; `bounded` and
+`bounded-per-frame` the same two with `placement=bounded`; `rcs` the method of that name, which places records otherwise; these
+three are left out unless asked for. `static` never renews a record: ghosts as bad as they get. Caches take turns frame by frame.
+`pt` and `pt-temporal` trace as many one-bounce paths a pixel as take the CPU time of `temporal`, found by a pilot. They reflect
+indirect light on glossy surfaces as such, caches and the truth as on diffuse ones (`glossy=diffuse`), so their errors mean
+something in diffuse scenes only. Glossy records: benchmarks/trc_glossy.py.
 
 Errors are of indirect light, relative to its mean, against a hemisphere at every pixel (`jobs.claims.trc_runs`), in the frames
 that --references names; by default two windows of ten frames. Flicker is the RMS change of the error from frame to frame, jump
@@ -39,8 +41,10 @@ CACHES: dict[str, tuple[str, dict[str, Any]]] = {
     "temporal": ("trc", {}),
     "static": ("trc", {"cache": "static"}),
     "rcs": ("rcs", {}),
+    "bounded": ("trc", {"placement": "bounded"}),
+    "bounded-per-frame": ("trc", {"placement": "bounded", "cache": "per-frame"}),
 }
-SHARED: dict[str, Any] = {"a": A, "rays": RAYS, "glossy": "diffuse"}
+SHARED: dict[str, Any] = {"a": A, "glossy": "diffuse"}
 PATHS = ("pt", "pt-temporal")
 PILOT_SPP, PILOT_FRAMES = (16, 64), 7
 
@@ -82,11 +86,15 @@ class Study(NamedTuple):
     size: tuple[int, int]
     frames: tuple[int, int]
     truth: Truth
+    rays: int
 
     def rendered(self, names: Sequence[str]) -> tuple[dict[str, Ask], dict[str, Run]]:
         """What was asked, and what came of it: caches in turns, then path tracing with the time that `temporal` took."""
-        asks = {name: Ask(method, {**SHARED, **values}) for name, (method, values) in CACHES.items() if name in names}
-        asks["temporal"].values["delta_max"] = CASES[self.name].longest
+        asks = {
+            name: Ask(method, {**SHARED, "rays": self.rays, **values}) for name, (method, values) in CACHES.items() if name in names
+        }
+        for name in asks.keys() & {"temporal", "bounded"}:
+            asks[name].values["delta_max"] = CASES[self.name].longest
         short = (self.frames[0], min(self.frames[0] + 1, self.frames[1]))
         runs_of(self.scene, asks, (32, 24), short, Truth.none((32, 24)))  # compiles
         runs = runs_of(self.scene, asks, self.size, self.frames, self.truth)
@@ -108,8 +116,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scene", action="append", choices=list(CASES), help="default: all five")
     parser.add_argument(
-        "--run", action="append", choices=[*CACHES, *PATHS], help="besides per-frame and temporal; default: all but rcs"
+        "--run", action="append", choices=[*CACHES, *PATHS], help="besides per-frame and temporal; default: static and path tracing"
     )
+    parser.add_argument("--rays", type=int, default=RAYS, help="of a record")
     parser.add_argument("--size", default="64x48")
     parser.add_argument("--frames", help="A:B; default: those of the claim trc-table-5.2")
     parser.add_argument("--references", help="as of `luxmeter evaluate`; default: two windows of ten frames")
@@ -121,7 +130,7 @@ def main() -> None:
         chosen = parse.references(arguments.references) if arguments.references else windows(*frames)
         numbers = ReferenceFrames.model_validate(chosen).chosen(*frames)
         scene, size = renderers.load_scene(name), parse.size(arguments.size)
-        study = Study(name, scene, size, frames, truth_of(scene, size, numbers))
+        study = Study(name, scene, size, frames, truth_of(scene, size, numbers), arguments.rays)
         runs = dict.fromkeys(("per-frame", "temporal", *(arguments.run or ("static", *PATHS))))
         report(study, list(runs), arguments.out)
 

@@ -11,6 +11,7 @@ from copy import copy
 from typing import NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -67,9 +68,7 @@ class _Tree:
             return
         own = Hits.none(len(origins))
         self._tree.nearest(origins, directions, grid, own)
-        nearer = (own.triangle >= 0) & ((hits.triangle < 0) | (own.t < hits.t))
-        for target, found in zip(hits, own._replace(triangle=self.index[own.triangle]), strict=True):
-            target[nearer] = found[nearer]
+        _keep_nearer(tuple(own), self.index, tuple(hits))
 
 
 class RayCaster:
@@ -125,6 +124,16 @@ class RayCaster:
         for tree in self._trees[1:]:
             blocked |= tree.blocked(origins, directions, distances)
         return blocked
+
+
+@numba.njit(nogil=True, cache=True)
+def _keep_nearer(own, index, hits):  # type: ignore[no-untyped-def]
+    """Hits become those of a tree of its own whose triangles are numbered by `index`, where they are nearer."""
+    triangle, t, u, v = hits
+    for ray in range(len(t)):
+        if own[0][ray] >= 0 and (triangle[ray] < 0 or own[1][ray] < t[ray]):
+            triangle[ray], t[ray] = index[own[0][ray]], own[1][ray]
+            u[ray], v[ray] = own[2][ray], own[3][ray]
 
 
 _CASTERS: WeakKeyDictionary[World, RayCaster] = WeakKeyDictionary()

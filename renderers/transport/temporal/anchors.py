@@ -53,23 +53,28 @@ def anchors(world: World, sites: Sites) -> Anchors:
 
 def carried(before: World, after: World, found: Anchors) -> tuple[F64, F64]:
     """How anchored places (all held) move with their triangles: rotation (N, 3, 3) and shift (N, 3) of the place itself."""
-    old, new = _corners(before, found.triangle), _corners(after, found.triangle)
-    weights = np.stack([1 - found.u - found.v, found.u, found.v], axis=1)
-    shift = np.einsum("nk,nkc->nc", weights, new - old)
-    return np.einsum("nij,nkj->nik", _axes(new), _axes(old)), shift
+    rotation, shift = np.empty((len(found.triangle), 3, 3)), np.empty((len(found.triangle), 3))
+    _carry(before.triangles, before.positions, after.positions, *found, rotation, shift)
+    return rotation, shift
 
 
-def departures(motion: Motion, sites: Sites) -> tuple[I64, F64, F64]:
-    """Which of N places lie on a surface that moves, (M,), and how they go with it: rotation (M, 3, 3) and shift (M, 3)."""
+def departing(motion: Motion, sites: Sites) -> tuple[I64, Anchors]:
+    """Which of N places lie on a surface that moves, (M,), and where on it."""
     near = np.zeros(0, np.int64)
     if motion.same_topology and motion.moved.any() and len(sites.position):
         # an anchored place lies at most REACH off its surface
         near = np.flatnonzero(_within(sites.position, motion.boxes[::2], REACH))
-    found = anchors(motion.before, sites.rows(near)) if len(near) else Anchors(np.zeros(0, np.int32), np.zeros(0), np.zeros(0))
+    if not len(near):
+        return near, Anchors(np.zeros(0, np.int32), np.zeros(0), np.zeros(0))
+    found = anchors(motion.before, sites.rows(near))
     going = np.flatnonzero(found.held & motion.moved[found.triangle])
-    if not len(going):
-        return near[:0], np.zeros((0, 3, 3)), np.zeros((0, 3))
-    return near[going], *carried(motion.before, motion.after, found.rows(going))
+    return near[going], found.rows(going)
+
+
+def departures(motion: Motion, sites: Sites) -> tuple[I64, F64, F64]:
+    """The places of `departing`, and how they go with their surfaces: rotation (M, 3, 3) and shift (M, 3)."""
+    index, found = departing(motion, sites)
+    return index, *carried(motion.before, motion.after, found)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -87,13 +92,35 @@ def _within(position, boxes, margin):  # type: ignore[no-untyped-def]
     return inside
 
 
-def _corners(world: World, triangle: NDArray[np.int32]) -> F64:
-    return np.asarray(world.positions[world.triangles[triangle]], np.float64)
+@numba.njit(nogil=True, cache=True)
+def _carry(triangles, before, after, triangle, u, v, rotation, shift):  # type: ignore[no-untyped-def]
+    old, new = np.empty((3, 3)), np.empty((3, 3))
+    for n in range(len(triangle)):
+        a, b, c = triangles[triangle[n]]
+        _axes(before, a, b, c, old)
+        _axes(after, a, b, c, new)
+        for i in range(3):
+            shift[n, i] = 0.0
+            for vertex, weight in ((a, 1 - u[n] - v[n]), (b, u[n]), (c, v[n])):
+                shift[n, i] += weight * (np.float64(after[vertex, i]) - np.float64(before[vertex, i]))
+            for j in range(3):
+                rotation[n, i, j] = new[0, i] * old[0, j] + new[1, i] * old[1, j] + new[2, i] * old[2, j]
 
 
-def _axes(corners: F64) -> F64:
-    """Orthonormal axes of triangles (N, 3, 3), in columns."""
-    edge = corners[:, 1] - corners[:, 0]
-    normal = np.cross(edge, corners[:, 2] - corners[:, 0])
-    first, last = (a / np.linalg.norm(a, axis=1, keepdims=True) for a in (edge, normal))
-    return np.stack([first, np.cross(last, first), last], axis=2)
+@numba.njit(inline="always")
+def _axes(positions, a, b, c, axes):  # type: ignore[no-untyped-def]
+    """Orthonormal axes (3, 3) of a triangle, in rows: along its first edge, in its plane across that, along its normal."""
+    for i in range(3):
+        axes[0, i] = np.float64(positions[b, i]) - np.float64(positions[a, i])
+        axes[1, i] = np.float64(positions[c, i]) - np.float64(positions[a, i])
+    _across(axes[0], axes[1], axes[2])
+    for k in (0, 2):
+        axes[k] /= np.sqrt(axes[k, 0] ** 2 + axes[k, 1] ** 2 + axes[k, 2] ** 2)
+    _across(axes[2], axes[0], axes[1])
+
+
+@numba.njit(inline="always")
+def _across(x, y, out):  # type: ignore[no-untyped-def]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = x[j] * y[k] - x[k] * y[j]

@@ -174,6 +174,8 @@ class TemporalCache:
 
     def _needed(self, valid: Timed, old: Timed, placement: Placement, views: Sequence[View]) -> NDArray[np.bool_]:
         """Which of the records to renew, (K,), were foreseen to last, or reach pixels that no other does."""
+        if not old.strikes.any():
+            return np.ones(len(old), bool)
         both = Records.joined([valid.records, old.records])
         sure = np.concatenate([np.ones(len(valid), bool), old.strikes == 0])
         for view in views:

@@ -23,12 +23,18 @@ F64 = NDArray[np.float64]
 
 @dataclass
 class Share:
-    """One cache's part of a frame. looks: of each view; open (K,): records that wait for their successors."""
+    """One cache's part of a frame. looks: of each view; open (K,): records that wait for their successors; waited (K,): those that
+    did at first; successors: those that came, frame by frame."""
 
     looks: list[Look]
     records: Timed
     open: NDArray[np.bool_]
     placement: Placement
+    successors: list[Timed] = field(default_factory=list)
+    waited: NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.waited = self.open
 
     @property
     def settled(self) -> bool:
@@ -80,7 +86,14 @@ class Layer:
 
 
 def hand_over(waiting: Iterable[Share], renewed: Timed, frame: int) -> None:
-    """Give the records of a frame to parts of earlier ones that wait for them, and stop waiting for records that won't come."""
+    """Give the records of a frame to parts of earlier ones that wait for them, and stop waiting for records that won't come.
+
+    Those whose last successors came join them all at once.
+    """
     for earlier in waiting:
         if not earlier.settled:
-            earlier.records, earlier.open = succeeded(earlier.records, earlier.open, renewed, frame)
+            earlier.successors.append(renewed)
+            earlier.open = earlier.open & (earlier.records.last >= frame)
+            if earlier.settled:
+                earlier.records, _ = succeeded(earlier.records, earlier.waited, Timed.joined(*earlier.successors), frame)
+                earlier.successors.clear()

@@ -22,7 +22,7 @@ from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.records import Sites
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
 from renderers.transport.seen import Seen, seen_along
-from renderers.transport.temporal.anchors import departures
+from renderers.transport.temporal.anchors import departing, departures
 from renderers.transport.temporal.motion import Motion, crossing
 from renderers.transport.temporal.reprojection import Moved, reprojected
 from renderers.transport.temporal.sampling import Cast, TemporalSampler
@@ -66,7 +66,7 @@ class RayCast:
         if _relights_all(self._motion) or len(self._motion.boxes) > MANY:
             return np.ones(len(sites.position), bool)
         out = np.zeros(len(sites.position), bool)
-        out[departures(self._motion, sites)[0]] = True
+        out[departing(self._motion, sites)[0]] = True
         return out
 
     def _rays(self, cast: Cast) -> tuple[F32, F32, Mask]:
@@ -169,9 +169,10 @@ def shaded_later(
     nearness[anew.ray] = 1 / np.maximum(hits.t[anew.ray], OFFSET)
     kept = np.flatnonzero(~changed[cast.seen.ray]) if not motion.materials else index[:0]
     kept = kept[_relit(motion, cast.seen.position[kept])]
-    still = Seen._make(column[kept] for column in cast.seen)
-    pairs: Any = zip(anew, still, strict=True)
-    part = Seen(*map(np.concatenate, pairs))
+    part = anew
+    if len(kept):
+        pairs: Any = zip(anew, (column[kept] for column in cast.seen), strict=True)
+        part = Seen(*map(np.concatenate, pairs))
     if len(part.ray):
         radiance[part.ray], rays = incoming(part, sampler.light_numbers(part, cast))
     return Shaded(radiance, nearness, rays)

@@ -164,17 +164,29 @@ def _turned(values: Records | Trends, index: Any, rotation: F64) -> dict[str, An
     return columns
 
 
-def succeeded(records: Timed, waiting: NDArray[np.bool_], successors: Timed, frame: int) -> tuple[Timed, NDArray[np.bool_]]:
-    """Records whose life ended before `frame`, with trends towards their successors, born then; and which still wait, (K,).
+def _matched(index: I64, records: Timed, successors: Timed) -> tuple[I64, I64]:
+    """Which of the selected records (N,) have a successor, and which it is."""
+    if not len(index) or not len(successors):
+        return index[:0], index[:0]
+    wanted, born = records.last[index] + 1, successors.born
+    first = min(int(wanted.min()), int(born.min()))
+    frames = max(int(wanted.max()), int(born.max())) - first + 1
+    keys = successors.place * frames + born - first
+    order = np.argsort(keys)
+    sought = records.place[index] * frames + wanted - first
+    found = order[np.minimum(np.searchsorted(keys[order], sought), len(order) - 1)]
+    has = keys[found] == sought
+    return index[has], found[has]
 
-    waiting (K,): which waited so far. Those whose life is over and that have no successor keep their trends.
+
+def succeeded(records: Timed, waiting: NDArray[np.bool_], successors: Timed, frame: int) -> tuple[Timed, NDArray[np.bool_]]:
+    """Records whose life ended before `frame`, with trends towards their successors; and which still wait, (K,).
+
+    waiting (K,): which waited so far. successors: of any frames; that of a record is born in the frame after its last. Those whose
+    life is over and that have no successor keep their trends.
     """
     over = waiting & (records.last < frame)
-    index = np.flatnonzero(over)
-    found = np.searchsorted(successors.place, records.place[index]) if len(successors) else np.zeros(len(index), np.int64)
-    found = np.minimum(found, max(len(successors) - 1, 0))
-    has = successors.place[found] == records.place[index] if len(successors) else np.zeros(len(index), bool)
-    index, found = index[has], found[has]
+    index, found = _matched(np.flatnonzero(over), records, successors)
     frames = (successors.born[found] - records.born[index]).astype(np.float64)
     # gradients of a place that turns are those of its own axes: bring the successor's back to where the record is
     back = records.turn[index] @ successors.turn[found].transpose(0, 2, 1)
