@@ -71,8 +71,8 @@ def five_scenes(bench: Bench) -> Measurement:
         f"{SIZE[0]}x{SIZE[1]} pixels, a = {A}, {RAYS} rays a record, interpolated gradients, frames rendered: {parts}",
         "speed-up: CPU seconds of all passes, the baseline's over temporal caching's, direct light included",
         "published times are those of a machine of 2006 with larger pictures; flicker isn't published",
-        f"errors and flicker: {WINDOW} frames in the middle, against a hemisphere of {REFERENCE_RAYS} rays at every pixel; flicker: of"
-        " pixels that see the same object as in the frame before",
+        f"errors and flicker: {WINDOW} frames in the middle, against a hemisphere of {REFERENCE_RAYS} rays at every pixel",
+        "flicker: of pixels that see the same object as in the frame before",
     ]
     return Measurement("built-in scenes in place of the published ones", rows, notes)
 
