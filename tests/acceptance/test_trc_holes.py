@@ -27,8 +27,8 @@ def black(f: int, depth: F32, source: I64, radiance: F32, out: F32, near: F32) -
     near[:] = np.where(found >= 0, 1 / np.maximum(depth.ravel(), 1e-6), 0)
 
 
-def nearest(depth: F32, source: I64, holes: I64, cyclic: bool = True) -> int:
-    """`reprojection.fill` by the known cell that is nearest in the grid, whatever its depth."""
+def nearest(depth: F32, source: I64, holes: I64, cyclic: bool) -> int:
+    """`reprojection.filled` by the known cell that is nearest in the grid, whatever its depth."""
     known = np.argwhere(source >= 0)
     rows, columns = np.divmod(holes, depth.shape[1])
     away = np.abs(known[None] - np.stack([rows, columns], axis=1)[:, None])
@@ -47,7 +47,7 @@ def mean_error(frames: tuple[int, ...] = (5, 24, 40, 58, 77, 101), count: int = 
         position = np.concatenate([rng.uniform(-0.95, 0.95, (count, 2)), np.zeros((count, 1))], axis=1)
         sites, places = Sites((position - motion.before.centre) * motion.before.scale, up, up), np.arange(count)
         now, later = (TemporalSampler(w, GRID, ReflectedDirectLight(w), 0, Counter()) for w in (motion.before, motion.after))
-        ahead = Reprojection(motion, now, ReflectedDirectLight(motion.after), GRID, 1)
+        ahead = Reprojection(motion, now, ReflectedDirectLight(motion.after), footprints=1)
         truth = later.sample(sites, places)[1].irradiance[:, 0]
         errors.append(np.abs(now.sample(sites, places, ahead)[1].irradiance[:, 0] / truth - 1))
     return float(np.mean(errors))
@@ -57,8 +57,8 @@ def test_a14_the_deepest_neighbour_fills_holes_best(monkeypatch: pytest.MonkeyPa
     """No worse in the mean than the nearest known cell, which is no worse than leaving holes black."""
     deep = mean_error()
     with monkeypatch.context() as patch:
-        patch.setattr(reprojection, "fill", nearest)
+        patch.setattr(reprojection, "filled", nearest)
         near = mean_error()
-    monkeypatch.setattr(reprojection, "fill", lambda depth, source, holes, cyclic=True: 0)
+    monkeypatch.setattr(reprojection, "filled", lambda depth, source, holes, cyclic: 0)
     monkeypatch.setattr(reprojection, "_average", black)
     assert deep <= near <= mean_error()
