@@ -5,10 +5,11 @@ Not a method of its own.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import model_validator
 
 from renderers.method import Settings, setting
 from renderers.scene.world import World
@@ -49,6 +50,13 @@ class RecordSettings(Settings):
     sharp: Literal["traced", "truncated"] = setting("traced", "lobes beyond the order: traced from each pixel, or cut to the order")
     lobe_rays: int = setting(256, "rays a pixel of a traced lobe", ge=1, le=4096)
     light_samples: int = setting(16, "samples of area lights and environment, per pixel of the direct layer", ge=1, le=4096)
+
+    @model_validator(mode="after")
+    def _known_curvature(self) -> Self:
+        """Raises ValueError where the sampler doesn't know what `placement` needs; methods bring both."""
+        if getattr(self, "sampler", None) == "plane" and getattr(self, "placement", None) in BY_CURVATURE:
+            raise ValueError("this placement needs another sampler: the plane knows no curvature")
+        return self
 
     @property
     def by_curvature(self) -> str:

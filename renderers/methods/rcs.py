@@ -16,7 +16,7 @@ depend on the order of the records, and after the records every pixel is reached
 | a             | 0.15    | 1    | 0.01 … 1.4                    | accuracy: zones have radius a·R                            |
 | rays          | 4096    | 1    | 16 … 65536                    | rays a record                                              |
 | sampler       | polar   |      | auto, polar, hemicube, plane  | rays all over a hemisphere, five faces of texels drawn by  |
-|               |         |      |                               | OpenGL, rays through one plane of 64²; auto: by a table    |
+|               |         |      |                               | OpenGL, rays through one plane; auto: by a table           |
 | hemicube_shadows | auto |      | auto, cast, mapped            | of what hemicubes see: rays, or OpenGL's shadow maps       |
 | weight        | ward    |      | ward, shifted, tent           | weighting function                                         |
 | gradients     | true    |      |                               | extrapolate with gradients                                 |
@@ -54,7 +54,6 @@ from renderers.frame import Frame
 from renderers.method import Claim, Context, Method, Transport, register, setting
 from renderers.methods.one_bounce import is_software
 from renderers.methods.ray_records import (
-    BY_CURVATURE,
     PILOT_RAYS,
     RecordSettings,
     chosen_placement,
@@ -80,7 +79,7 @@ class RcsSettings(RecordSettings):
 
     sampler: Literal["auto", "polar", "hemicube", "plane"] = setting(
         "polar",
-        "rays all over a hemisphere, five faces of texels drawn by OpenGL, or (irradiance alone) rays through one plane of 64², its"
+        "rays all over a hemisphere, five faces of texels drawn by OpenGL, or (irradiance alone) rays through one square plane, its"
         " border stretched; auto: polar",
         source="Gautron 2006 §4.2; Cohen & Greenberg 1985",
     )
@@ -103,12 +102,10 @@ class RcsSettings(RecordSettings):
     )
 
     @model_validator(mode="after")
-    def _known_curvature(self) -> RcsSettings:
-        """Raises ValueError where the sampler doesn't know what another setting needs."""
+    def _lit_by_maps(self) -> RcsSettings:
+        """Raises ValueError where shadow maps don't know the light that is asked for."""
         if self.hemicube_shadows == "mapped" and self.bounces == "all":
             raise ValueError("hemicube_shadows=mapped knows direct light alone: bounces=all needs cast or auto")
-        if self.sampler == "plane" and self.placement in BY_CURVATURE:
-            raise ValueError(f"placement={self.placement} needs sampler=polar or hemicube: the plane knows no curvature")
         return self
 
 
@@ -216,7 +213,7 @@ def samplers_of(
     from renderers.transport.caching.cube import size_of
     from renderers.transport.caching.hemicube import HemicubeSampler, Rasteriser
     from renderers.transport.caching.hemisphere import PolarSampler, grid_of
-    from renderers.transport.caching.plane import PlaneSampler
+    from renderers.transport.caching.plane import PlaneSampler, side_of
     from renderers.transport.caching.radiance import RadianceSampler
     from renderers.transport.raycast import OFFSET
 
@@ -235,7 +232,7 @@ def samplers_of(
         if order is not None:
             return RadianceSampler(world, grid_of(rays), incoming, order, seed, counters=counters)
         if settings.sampler == "plane":
-            return PlaneSampler(world, incoming, seed, counters=counters)
+            return PlaneSampler(world, incoming, seed, side_of(rays), counters=counters)
         return PolarSampler(world, grid_of(rays), incoming, seed, counters=counters)
 
     return sampler

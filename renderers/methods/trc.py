@@ -16,6 +16,7 @@ the light of glossy pixels.
 | delta_max     | 20           | frame | 1 … 1000                         | longest life                                         |
 | lifespan      | chord        |       | rate, chord                      | lives by the change of light, or by its curvature too |
 | gradients_in_time | interpolated |   | none, extrapolated, interpolated | ∇ᵗ                                                   |
+| sampler       | polar        |       | polar, plane                     | rays all over a hemisphere, or through one plane      |
 | prediction    | raycast      |       | raycast, reproject               | how the next frame is foreseen                       |
 | footprints    | 4            | 1     | 1 … 8                            | points a side that a reprojected hit covers          |
 | sparse        | 4            | 1     | 1 … 64                           | one ray in so many is foreseen where all change      |
@@ -24,6 +25,7 @@ the light of glossy pixels.
 | guard         | true         |       |                                  | no foresight where lives stay at one frame           |
 | stagger       | true         |       |                                  | records made together don't expire together          |
 | follow        | true         |       |                                  | places on surfaces that move go with them            |
+| backend       | auto         |       | auto, gl, cpu                    | where reprojected planes are drawn                   |
 | a … subpixels |              |       |                                  | as `rcs`, with R from curvature and gradient           |
 """
 
@@ -40,7 +42,8 @@ from numpy.typing import NDArray
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
-from renderers.methods.ray_records import PILOT_RAYS, RecordSettings, glossy_placement_of, placement_of, warm_up
+from renderers.methods.foresight import ahead_of, backend_of, prepare, samplers_of
+from renderers.methods.ray_records import RecordSettings, glossy_placement_of, placement_of
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -49,7 +52,6 @@ if TYPE_CHECKING:
     from renderers.transport.temporal.cache import Stage
     from renderers.transport.temporal.motion import Motion
     from renderers.transport.temporal.pending import Pending
-    from renderers.transport.temporal.sampling import Ahead, TemporalSampler
     from renderers.transport.temporal.views import Look
 
     Float = NDArray[np.float64]
@@ -80,11 +82,14 @@ class TrcSettings(RecordSettings):
     gradients_in_time: Literal["none", "extrapolated", "interpolated"] = setting(
         "interpolated", "records frozen, extrapolated in time, or interpolated towards their successors", source=SOURCE + ".4.3"
     )
+    sampler: Literal["polar", "plane"] = setting(
+        "polar", "rays all over a hemisphere, or (irradiance alone) through one square plane", source="Gautron 2006 §4.2"
+    )
     prediction: Literal["raycast", "reproject"] = setting(
         "raycast", "the next frame's hemisphere: cast anew where something moved, or reprojected", source=SOURCE + ".4.2"
     )
     footprints: int = setting(
-        4, "points a side that a reprojected hit covers its cell with; 1 as published", source="luxmeter", ge=1, le=8
+        4, "points a side that a reprojected hit of a polar hemisphere covers; 1, as on planes: as published", ge=1, le=8
     )
     sparse: int = setting(
         4, "where a whole hemisphere changes, one ray in so many is foreseen; 1: all of them", source="luxmeter", ge=1, le=64
@@ -95,6 +100,9 @@ class TrcSettings(RecordSettings):
     guard: bool = setting(True, "places whose records live for one frame are foreseen more and more seldom")
     stagger: bool = setting(True, "first lives are cut, so that records made together don't expire together")
     follow: bool = setting(True, "places on surfaces that move go with them; off, as published: all stay where they were made")
+    backend: Literal["auto", "gl", "cpu"] = setting(
+        "auto", "where reprojected planes are drawn; auto: by a table on the device string", source=SOURCE + ".4.2"
+    )
     placement: Literal["auto", "split-sphere", "bounded", "hessian", "hessian-bounded"] = setting(
         "auto", "R from distances or from the curvature of the irradiance, limited by its gradient or not", source=PLACEMENT
     )
@@ -132,6 +140,10 @@ class TemporalRadianceCaching(SequenceMethod):
     def transport(self, settings: Any) -> Transport:
         """One bounce, both visibilities."""
         return "one-bounce"
+
+    def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
+        """Fill in where planes are drawn."""
+        return settings.model_copy(update={"backend": backend_of(settings.backend, device)})
 
     def _render_frames(self, scene: Scene, settings: Any, contexts: Iterable[Context]) -> Iterator[Frame]:
         """Frames one after the other; interpolation holds them back until their records' successors are known."""
@@ -181,7 +193,7 @@ class _Run:
         counters, watch, settings = Counter(dict.fromkeys(COUNTED, 0)), context.watch, self.settings
         if self.motion is None:
             with watch("warm-up", "prepare"):
-                warm_up(self.scene.world(context.frame))
+                prepare(self.scene.world(context.frame), settings)
         with watch("scene"):
             world = self._goes_to(context.frame)
         with watch("warm-up", "prepare"):
@@ -261,32 +273,17 @@ class _Run:
 
     def _stage(self, name: str, context: Context, counters: Counter[str]) -> Stage:
         """What a layer needs of the frame that the run is at."""
-        from renderers.transport.caching.hemisphere import grid_of
-        from renderers.transport.caching.incoming import ReflectedDirectLight
         from renderers.transport.temporal.cache import Stage
-        from renderers.transport.temporal.sampling import TemporalSampler
         from renderers.transport.temporal.views import GLOSSY
 
         assert self.motion is not None
         settings, world, glossy = self.settings, self.motion.before, name == GLOSSY
-        incoming, rays = ReflectedDirectLight(world), settings.glossy_rays if glossy else settings.rays
-        order, place = (self.order, glossy_placement_of) if glossy else (None, placement_of)
-        sampler = TemporalSampler(world, grid_of(rays), incoming, context.seed, counters, settings.sparse, order)
-        pilot = TemporalSampler(world, grid_of(PILOT_RAYS), incoming, context.seed, counters)
-        ahead = None if self.motion.still else self._ahead(sampler)
+        sampler, pilot = samplers_of(world, settings, context.seed, counters, self.order if glossy else None)
+        ahead = ahead_of(self.motion, sampler, settings)
+        place = glossy_placement_of if glossy else placement_of
         still = self.policy.foresees and self.motion.still
         placement = place(world, context.size[1], settings, context.seed)
         return Stage(self.frame, sampler, pilot, ahead, placement, still, self.changed, self.past)
-
-    def _ahead(self, sampler: TemporalSampler) -> Ahead:
-        from renderers.transport.caching.incoming import ReflectedDirectLight
-        from renderers.transport.temporal.prediction import RayCast, Reprojection
-
-        assert self.motion is not None
-        later = ReflectedDirectLight(self.motion.after)
-        if self.settings.prediction == "reproject" and self.motion.same_topology:
-            return Reprojection(self.motion, sampler, later, sampler.grid, self.settings.footprints)
-        return RayCast(self.motion, sampler, later)
 
     def _looks(self, world: World, size: tuple[int, int], name: str) -> list[Look]:
         from renderers.transport.temporal.views import gbuffers_of, looks_of

@@ -215,7 +215,7 @@ def test_reprojection_foresees_most_of_the_change_in_cells_of_equal_solid_angle(
     scene = toy_box(light_speed=0.0, speed=2.0)
     motion, here, number = motion_between(scene.world(4), scene.world(5)), places(scene, 24), np.arange(24)
     sampler = radiance_sampler(scene, 4, 4096)
-    ahead = Reprojection(motion, sampler, ReflectedDirectLight(motion.after), sampler.grid, 4)
+    ahead = Reprojection(motion, sampler, ReflectedDirectLight(motion.after), 4)
     now, later = sampler.sample(here, number, ahead)
     exact, _ = radiance_sampler(scene, 5, 4096).sample(here, number)
     assert now.coefficients is not None
@@ -226,7 +226,7 @@ def test_reprojection_foresees_most_of_the_change_in_cells_of_equal_solid_angle(
     assert constant.mean() > 0.005
     assert error.mean() <= 0.5 * constant.mean()
     still = motion_between(motion.before, motion.before)
-    same, again = sampler.sample(here, number, Reprojection(still, sampler, ReflectedDirectLight(still.after), sampler.grid, 4))
+    same, again = sampler.sample(here, number, Reprojection(still, sampler, ReflectedDirectLight(still.after), 4))
     np.testing.assert_array_equal(same.coefficients, again.coefficients)  # type: ignore[arg-type]
 
 

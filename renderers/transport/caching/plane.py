@@ -28,6 +28,7 @@ from renderers.scene.world import World
 from renderers.transport.caching.gradients import Moments
 from renderers.transport.caching.hemisphere import Grid, Hemispheres, PolarSampler, records_of
 from renderers.transport.caching.incoming import Incoming
+from renderers.transport.caching.plane_kernels import rays_through, sums
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.hemispherical.quadrature import gauss_legendre
 from renderers.transport.raycast import OFFSET
@@ -113,37 +114,45 @@ def _stretch(cosine: F64, solid: F64, turn: F64, edges: F64) -> None:
         turn[i, j, 1] += (weight * np.cos(around)).sum(axis=1)
 
 
-def plane_translation(
-    radiance: NDArray[np.floating], nearness: NDArray[np.floating], half_width: float = HALF_WIDTH, radial: bool = True
-) -> F64:
-    """Translation gradients (K, 3, 2) in the frames of planes (K, N, N, 3) with 1/r (K, N, N); radial: border pixels stretched."""
-    size = nearness.shape[1]
+class PlaneTables(NamedTuple):
+    """Constants of a plane. cosine, turn: see `PlaneWeights`; slant (N, N): q, distance over depth; along (N - 1, N): ∫ dy/q⁴ of
+    the edges between neighbours; first, second int (E, 2): pixels before and after the edges between stretched pixels; push (E, 2):
+    what these add to the gradient."""
+
+    cosine: F64
+    turn: F64
+    slant: F64
+    along: F64
+    first: NDArray[np.intp]
+    second: NDArray[np.intp]
+    push: F64
+
+
+@lru_cache(maxsize=16)
+def plane_tables(size: int, half_width: float, compensation: Compensation) -> PlaneTables:
+    """Of a plane with size² pixels."""
+    weights = plane_weights(size, half_width, compensation)
     edges = np.linspace(-half_width, half_width, size + 1)
     middle = (edges[1:] + edges[:-1]) / 2
-    near = nearness * np.sqrt(1 + middle[:, None] ** 2 + middle**2)
-    light = np.asarray(radiance, np.float64)
     a = np.sqrt(1 + edges[1:-1] ** 2)[:, None]
     along = np.diff(edges / (2 * a**2 * (a**2 + edges**2)) + np.arctan(edges / a) / (2 * a**3), axis=1)
-    slopes = []
-    for axis in (1, 2):
-        rows, values = np.swapaxes(near, 1, axis), np.swapaxes(light, 1, axis)
-        swept = np.maximum(rows[:, 1:], rows[:, :-1]) * along
-        slopes.append(np.einsum("kij,kijc->kc", swept, np.diff(values, axis=1)))
-    gradient = np.stack(slopes, axis=-1)
-    return gradient + _radial_edges(light, near, edges) if radial else gradient
+    slant, rim = np.sqrt(1 + middle[:, None] ** 2 + middle**2), _radial_edges(size, edges)
+    if compensation != "radial":
+        rim = rim[0][:0], rim[1][:0], rim[2][:0]
+    return PlaneTables(weights.cosine, weights.turn, slant, along, *rim)
 
 
-def _radial_edges(light: F64, near: NDArray[np.floating], edges: F64) -> F64:
-    """What edges between stretched pixels add, (K, 3, 2)."""
+def _radial_edges(size: int, edges: F64) -> tuple[NDArray[np.intp], NDArray[np.intp], F64]:
+    """Pixels before and after the edges between stretched pixels, (E, 2) each, and what a step of light over depth adds, (E, 2)."""
     reach = np.hypot(edges[-1], edges[1:-1])
     phi = np.arctan2(edges[1:-1], edges[-1])
-    total = np.zeros((len(light), 3, 2))
-    for i, j, quarter, sense in _sides(near.shape[1]):
-        swept = np.maximum(near[:, i[1:], j[1:]], near[:, i[:-1], j[:-1]]) / (2 * (1 + reach**2) * reach)
+    first, second, push = [], [], []
+    for i, j, quarter, sense in _sides(size):
         around = sense * phi + quarter * np.pi / 2
-        tangent = sense * np.stack([-np.sin(around), np.cos(around)], axis=1)
-        total += np.einsum("ke,kec,et->kct", swept, np.diff(light[:, i, j], axis=1), tangent)
-    return total
+        first.append(np.stack([i[:-1], j[:-1]], axis=1))
+        second.append(np.stack([i[1:], j[1:]], axis=1))
+        push.append(sense * np.stack([-np.sin(around), np.cos(around)], axis=1) / (2 * (1 + reach**2) * reach)[:, None])
+    return np.concatenate(first), np.concatenate(second), np.concatenate(push)
 
 
 def plane_moments(
@@ -151,15 +160,10 @@ def plane_moments(
     compensation: Compensation = "radial",
 ) -> Moments:  # fmt: skip
     """Moments of K planes with radiance (K, N, N, 3) and nearness 1/r (K, N, N), 0 where nothing is hit; without Hessian (0)."""
-    weights = plane_weights(nearness.shape[1], half_width, compensation)
-    mean = np.einsum("kij,ij->k", nearness, weights.cosine) / weights.cosine.sum()
-    return Moments(
-        irradiance=np.einsum("kijc,ij->kc", radiance, weights.cosine),
-        translation=plane_translation(radiance, nearness, half_width, compensation == "radial"),
-        rotation=np.einsum("kijc,ijt->kct", radiance, weights.turn),
-        radius=np.where(mean > 0, 1 / np.where(mean > 0, mean, 1), np.inf),
-        hessian=np.zeros((len(radiance), 3)),
-    )
+    count = len(nearness)
+    out = np.zeros((count, 3)), np.zeros((count, 3, 2)), np.zeros((count, 3, 2)), np.zeros(count)
+    sums(radiance, nearness, plane_tables(nearness.shape[1], half_width, compensation), *out)
+    return Moments(*out, hessian=np.zeros((count, 3)))
 
 
 class PlaneSampler(PolarSampler):
@@ -171,10 +175,7 @@ class PlaneSampler(PolarSampler):
     ) -> None:  # fmt: skip
         super().__init__(world, Grid(size, size), incoming, seed, False, counters)
         self._half_width, self._compensation = half_width, compensation
-        middle = (np.arange(size) + 0.5) * (2 * half_width / size) - half_width
-        x, y = np.meshgrid(middle, middle, indexing="ij")
-        local = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
-        self._local = local / np.linalg.norm(local, axis=1, keepdims=True)
+        self._local = plane_directions(size, half_width)
 
     def summed(self, sites: Sites, cast: Hemispheres) -> Records:
         """See `PolarSampler.summed`."""
@@ -182,8 +183,25 @@ class PlaneSampler(PolarSampler):
         return replace(records_of(sites, cast.tangents, moments), curvature=None)
 
     def _rays(self, sites: Sites, tangents: F64, random: F64) -> tuple[F32, F32]:
-        axes = np.concatenate([tangents, sites.normal[:, None]], axis=1)
-        directions = np.einsum("pt,ktd->kpd", self._local, axes)
-        side = np.where(np.einsum("kpd,kd->kp", directions, sites.geometric) >= 0, OFFSET, -OFFSET)
-        origins = sites.position[:, None] + side[..., None] * sites.geometric[:, None]
-        return origins.reshape(-1, 3).astype(np.float32), directions.reshape(-1, 3).astype(np.float32)
+        return plane_rays(self._local, sites, tangents)
+
+
+def side_of(rays: int) -> int:
+    """Pixels a side of the plane with the number of rays nearest to one ≥ 4."""
+    return max(2, round(float(np.sqrt(rays))))
+
+
+def plane_directions(size: int = SIZE, half_width: float = HALF_WIDTH) -> F64:
+    """Unit directions (size², 3) through the pixel centres, in the frame of the plane."""
+    middle = (np.arange(size) + 0.5) * (2 * half_width / size) - half_width
+    x, y = np.meshgrid(middle, middle, indexing="ij")
+    local = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
+    return np.asarray(local / np.linalg.norm(local, axis=1, keepdims=True))
+
+
+def plane_rays(local: F64, sites: Sites, tangents: F64) -> tuple[F32, F32]:
+    """Origins and directions (K·P, 3) of rays along directions (P, 3) of frames with tangents (K, 2, 3), from K places."""
+    shape = len(sites.position) * len(local), 3
+    origins, directions = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    rays_through(local, *sites, tangents, OFFSET, origins, directions)
+    return origins, directions

@@ -9,7 +9,8 @@
 | `sampling` | hemispheres whose hits are kept, at places numbered once for all |
 | `prediction` | the same hemispheres one frame ahead: cast anew where something moved, or by reprojection |
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
-| `plane` | the square sampling plane of the publication: weights, moments, reprojection; oracle of the GL passes |
+| `plane_sampling` | hemispheres seen through one square plane, as published, and their reprojection |
+| `plane` | points drawn into such planes, nearest first, holes filled; twin of the GL pass |
 | `trends` | temporal gradients of all that records hold |
 | `records` | records in time: values at a frame |
 | `views` | pixels of a frame's views: diffuse, glossy, traced |

@@ -94,6 +94,6 @@ def hand_over(waiting: Iterable[Share], renewed: Timed, frame: int) -> None:
         if not earlier.settled:
             earlier.successors.append(renewed)
             earlier.open = earlier.open & (earlier.records.last >= frame)
-            if earlier.settled:
+            if not earlier.open.any():
                 earlier.records, _ = succeeded(earlier.records, earlier.waited, Timed.joined(*earlier.successors), frame)
                 earlier.successors.clear()

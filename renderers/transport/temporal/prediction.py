@@ -6,7 +6,7 @@ raycast    the hemisphere of the next frame itself. Rays are cast anew only wher
            the price follows what moves, not the scene. A hemisphere on a surface that moves goes with it: at its old place there
            will be the inside of an object, or nothing.
 reproject  hits move with their objects and are drawn into the same hemisphere (Gautron 2006, 5.4.2): only shadow rays
-           are cast.
+           are cast. A hemisphere that goes with its surface sees all else move the other way. `plane_sampling` does so on planes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.scene.world import World
-from renderers.transport.caching.hemisphere import Grid
 from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.records import Sites
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
@@ -28,7 +27,10 @@ from renderers.transport.temporal.reprojection import Moved, reprojected
 from renderers.transport.temporal.sampling import Cast, TemporalSampler
 
 F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+NONE = np.zeros(0, np.int64)
 MANY = 16  # boxes: beyond, casting a ray at what moves is cheaper than testing it against them
 
 
@@ -52,7 +54,7 @@ class RayCast:
         """See `sampling.Ahead`."""
         columns: Any = (column.copy() for column in cast.hits)
         hits = Hits(*columns)
-        origins, directions, changed = self._rays(cast)
+        origins, directions, changed = rays_later(cast, *departures(self._motion, cast.sites))
         anew, rays = self._recast(origins, directions, hits, changed), 0
         if len(anew):
             found = self._caster.first_hit(origins[anew], directions[anew])
@@ -68,20 +70,6 @@ class RayCast:
         out = np.zeros(len(sites.position), bool)
         out[departing(self._motion, sites)[0]] = True
         return out
-
-    def _rays(self, cast: Cast) -> tuple[F32, F32, Mask]:
-        """Origins and directions (R, 3) one frame later, and which rays differ, (R,)."""
-        rays = np.zeros(len(cast.hits.t), bool)
-        index, rotation, shift = departures(self._motion, cast.sites)
-        if not len(index):
-            return cast.origins, cast.directions, rays
-        by_place = len(cast.tangents), -1, 3
-        origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
-        place = cast.sites.position[index][:, None]
-        origins[index] = np.einsum("kij,krj->kri", rotation, origins[index] - place) + place + shift[:, None]
-        directions[index] = np.einsum("kij,krj->kri", rotation, directions[index])
-        rays.reshape(len(cast.tangents), -1)[index] = True
-        return origins.reshape(-1, 3), directions.reshape(-1, 3), rays
 
     def _recast(self, origins: F32, directions: F32, hits: Hits, changed: Mask) -> NDArray[np.int64]:
         """Rays that may hit something else, or elsewhere; changed (R,), those known to differ, is updated, and hits as well."""
@@ -114,18 +102,69 @@ def _replaced(hits: Hits, index: NDArray[np.int64], others: Hits) -> None:
         column[index] = value
 
 
+def rays_later(cast: Cast, index: I64, rotation: F64, shift: F64) -> tuple[F32, F32, Mask]:
+    """Origins and directions (R, 3) one frame later, where some places go as `departures` says, and which rays do, (R,)."""
+    rays = np.zeros(len(cast.hits.t), bool)
+    if not len(index):
+        return cast.origins, cast.directions, rays
+    by_place = len(cast.tangents), -1, 3
+    origins, directions = (a.reshape(by_place).copy() for a in (cast.origins, cast.directions))
+    place = cast.sites.position[index][:, None]
+    origins[index] = np.einsum("kij,krj->kri", rotation, origins[index] - place) + place + shift[:, None]
+    directions[index] = np.einsum("kij,krj->kri", rotation, directions[index])
+    rays.reshape(len(cast.tangents), -1)[index] = True
+    return origins.reshape(-1, 3), directions.reshape(-1, 3), rays
+
+
+class Followed(NamedTuple):
+    """Hits (S,) of a cast one frame later. position float64 (S, 3): where they are then as their places see them, turned and
+    shifted back with those that go; moves bool (S,): whether they do by that view; shaded: light of all rays, as they were cast."""
+
+    position: F64
+    moves: Mask
+    shaded: Shaded
+
+
+def followed(motion: Motion, sampler: TemporalSampler, incoming: Incoming, cast: Cast, follows: bool) -> Followed:
+    """Hits moved with their objects, in the light of the next frame. follows: places on surfaces that move go with them."""
+    seen, places = cast.seen, cast.sites.position
+    index, rotation, shift = departures(motion, cast.sites) if follows else (NONE, np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    origins, directions, going = rays_later(cast, index, rotation, shift)
+    moved = motion.moved[cast.hits.triangle[seen.ray]]
+    moves, position = moved | going[seen.ray], seen.position.copy()
+    position[moved] = _points(motion.after, cast.hits, seen.ray[moved])
+    rays, directions = seen.ray[moves], directions.copy()
+    towards = position[moves] - origins[rays]
+    directions[rays] = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
+    changed = np.zeros(len(cast.hits.t), bool)
+    changed[seen.ray[moved]] = True
+    shaded = shaded_later(motion, incoming, sampler, cast, cast.hits, directions, changed)
+    if len(index):
+        number = np.zeros(len(places), np.int64)
+        number[index] = np.arange(len(index))
+        gone = np.flatnonzero(going[seen.ray])
+        place = seen.ray[gone] // (len(cast.origins) // len(places))
+        k, centre = number[place], places[place]
+        position[gone] = np.einsum("nji,nj->ni", rotation[k], position[gone] - centre - shift[k]) + centre
+    return Followed(position, moves, shaded)
+
+
 class Reprojection:
     """The present hits, moved with their objects and drawn into their hemispheres. Needs `motion.same_topology`.
 
-    footprints: a hit covers its cell by footprints² points on its tangent plane; 1: the hit alone, as published.
+    footprints: a hit covers its cell by footprints² points on its tangent plane; 1: the hit alone, as published. follows: places on
+    surfaces that move go with them.
     """
 
-    def __init__(self, motion: Motion, sampler: TemporalSampler, incoming: Incoming, grid: Grid, footprints: int) -> None:
+    smooth = True
+
+    def __init__(
+        self, motion: Motion, sampler: TemporalSampler, incoming: Incoming, footprints: int = 1, follows: bool = True
+    ) -> None:
         if not motion.same_topology:
             raise ValueError("hits can only be followed where the triangles of both frames correspond")
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
-        self._grid, self._footprints = grid, footprints
-        self.smooth = True
+        self._footprints, self._follows = footprints, follows
 
     def changes(self, sites: Sites) -> Mask:
         """See `sampling.Ahead`: drawing hits costs much less than casting rays."""
@@ -133,23 +172,14 @@ class Reprojection:
 
     def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
         """See `sampling.Ahead`."""
-        seen = cast.seen
-        triangle = cast.hits.triangle[seen.ray]
-        moves = self._motion.moved[triangle]
-        position, directions = seen.position.copy(), cast.directions.copy()
-        rays = seen.ray[moves]
-        position[moves] = _points(self._motion.after, cast.hits, rays)
-        towards = position[moves] - cast.origins[rays]
-        directions[rays] = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
-        changed = np.zeros(len(cast.hits.t), bool)
-        changed[rays] = True
-        shaded = shaded_later(self._motion, self._incoming, self._sampler, cast, cast.hits, directions, changed)
-        if not moves.any():
+        then = followed(self._motion, self._sampler, self._incoming, cast, self._follows)
+        shaded = then.shaded
+        if not then.moves.any():
             return shaded.radiance, shaded.nearness, shaded.rays
-        moved = Moved(seen.ray, seen.position, position, seen.geometric, moves)
-        radiance, nearness = reprojected(
-            cast, moved, shaded.radiance, self._grid, self._footprints, self._sampler.equal_solid_angle
-        )
+        seen, sampler = cast.seen, self._sampler
+        moved = Moved(seen.ray, seen.position, then.position, seen.geometric, then.moves)
+        solid = sampler.equal_solid_angle
+        radiance, nearness = reprojected(cast, moved, shaded.radiance, sampler.grid, self._footprints, solid)
         return radiance, nearness, shaded.rays
 
 

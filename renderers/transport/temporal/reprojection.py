@@ -61,27 +61,30 @@ def reprojected(cast: Cast, moved: Moved, radiance: F32, grid: Grid, footprints:
         here = moved.rows(part)
         here = here._replace(ray=here.ray - k * grid.cells)
         holes = _draw(*grid, solid, footprints, axes, cast.origins[rays], here, cast.nearness[rays], depth, source)
-        fill(depth, source, holes)
+        filled(depth, source, holes, True)
         _average(footprints, depth, source, radiance[rays], out[rays], near[rays])
     return out, near
 
 
-def fill(depth: F32, source: NDArray[np.int64], holes: NDArray[np.int64], cyclic: bool = True) -> int:
+@numba.njit(nogil=True, cache=True)
+def filled(depth, source, holes, cyclic):  # type: ignore[no-untyped-def]
     """Fill holes (H,), flat indices where `source` is -1, with the deepest of their neighbours; returns the passes it took.
 
     depth, source (rings, sectors): distance and number of what each cell shows. All holes of a pass are filled at once.
-    cyclic: the last column lies beside the first.
+    cyclic: the last column lies beside the first. What is holes alone stays so.
     """
     passes, columns = 0, depth.shape[1]
     while len(holes):
         deepest = _deepest(depth, source, holes, cyclic)
-        found = deepest >= 0
-        if not found.any():
-            raise ValueError("a hemisphere of holes alone can't be filled")
-        rows, taken = np.divmod(holes[found], columns), np.divmod(deepest[found], columns)
-        values = source[taken], depth[taken]
-        source[rows], depth[rows] = values
-        holes, passes = holes[~found], passes + 1
+        if deepest.max() < 0:
+            return passes
+        # what is read was known before this pass
+        for h in range(len(holes)):
+            hole, other = holes[h], deepest[h]
+            if other >= 0:
+                depth[hole // columns, hole % columns] = depth[other // columns, other % columns]
+                source[hole // columns, hole % columns] = source[other // columns, other % columns]
+        holes, passes = holes[deepest < 0], passes + 1
     return passes
 
 
@@ -191,7 +194,7 @@ def _deepest(depth, source, holes, cyclic):  # type: ignore[no-untyped-def]
 
 @numba.njit(nogil=True, cache=True)
 def _average(f, depth, source, radiance, out, near):  # type: ignore[no-untyped-def]
-    """out (cells, 3), near (cells,): means of radiance (cells, 3) and 1/depth over the parts of each cell."""
+    """out (cells, 3), near (cells,): means of radiance (cells, 3) and 1/depth over the parts of each cell; 0: unknown."""
     rings, sectors = depth.shape[0] // f, depth.shape[1] // f
     total = np.empty(3)
     for cell in range(rings * sectors):
@@ -200,6 +203,8 @@ def _average(f, depth, source, radiance, out, near):  # type: ignore[no-untyped-
         for a in range(f):
             for b in range(f):
                 j, k = cell // sectors * f + a, cell % sectors * f + b
+                if source[j, k] < 0:
+                    continue
                 for c in range(3):
                     total[c] += radiance[source[j, k], c]
                 close += 1 / max(depth[j, k], NEAREST)

@@ -94,7 +94,9 @@ class TemporalSampler(PolarSampler):
     ) -> None:  # fmt: skip
         super().__init__(world, grid, incoming, seed, counters=counters)
         self.order, self.equal_solid_angle = order, order is not None
-        self._coarse = coarse(grid, sparse)
+        self._coarse = (
+            coarse(grid, self._fewer(max(4, grid.cells // sparse))) if sparse > 1 else Coarse(grid, np.arange(grid.cells))
+        )
 
     def sample(self, sites: Sites, places: I64, ahead: Ahead | None = None, tangents: F64 | None = None) -> tuple[Records, Records]:
         """Records at N places numbered `places` (N,), and what they will be one frame later; without `ahead`, what they are now.
@@ -163,7 +165,7 @@ class TemporalSampler(PolarSampler):
                     self._records(part, *light, grid) for light in ((radiance, nearness), (part.radiance, part.nearness))
                 )
                 differences = (radiance - part.radiance).reshape(len(index), *grid, 3)
-                share = 0.0 if ahead.smooth else 1 / len(cells) - 1 / self.grid.cells
+                share = 0.0 if ahead.smooth else self._unevenness(grid) - self._unevenness(self.grid)
                 found.append(_certain(Trends.between(first, last, np.ones(len(index))), differences, share))
                 order.append(index)
                 total += rays
@@ -172,6 +174,16 @@ class TemporalSampler(PolarSampler):
     def light_numbers(self, seen: Seen, cast: Cast) -> F64:
         """Random numbers float64 (S, 6) for the lights of hits of a cast's rays."""
         return self._light_numbers(seen._replace(ray=cast.cell[seen.ray]), cast.random)
+
+    @staticmethod
+    def _fewer(cells: int) -> Grid:
+        """A grid of the same kind with so many cells."""
+        return grid_of(cells)
+
+    @staticmethod
+    def _unevenness(grid: Grid) -> float:
+        """Sum of the squares of the shares that cells have in irradiance: variance of the mean of cells of variance 1."""
+        return 1 / grid.cells
 
     def _records(self, cast: Cast, radiance: F32, nearness: F32, grid: Grid | None = None) -> Records:
         shape = len(cast.tangents), *(self.grid if grid is None else grid)
@@ -188,14 +200,11 @@ class Coarse(NamedTuple):
     cells: I64
 
 
-def coarse(grid: Grid, sparse: int) -> Coarse:
-    """About one cell in `sparse` ≥ 1: one in each cell of a coarser grid, where its own golden-ratio sequences would meet it.
+def coarse(grid: Grid, few: Grid) -> Coarse:
+    """One cell of a grid in each cell of a coarser one, where its own golden-ratio sequences would meet it.
 
     As in whole hemispheres an edge along a ring or a sector is then met at evenly spread places (`hemisphere`).
     """
-    if sparse == 1:
-        return Coarse(grid, np.arange(grid.cells))
-    few = grid_of(max(4, grid.cells // sparse))
     row, column = np.divmod(np.arange(few.cells), few.sectors)
     ring = ((row + column * GOLDEN % 1) * grid.rings / few.rings).astype(np.int64)
     sector = ((column + row * GOLDEN % 1) * grid.sectors / few.sectors).astype(np.int64)
