@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,16 +41,21 @@ def lit_by(
             shadow = shadow_map(world, sample, shadow_resolution, taps)
             resident.bind(shader)
             shadow.bind(shader, 4, taps)
-            assign(
-                shader,
-                light_kind=KINDS[sample.kind],
-                light_position=tuple(sample.position),
-                light_axis=tuple(sample.axis),
-                light_intensity=tuple(sample.intensity),
-                light_cosines=sample.cosines,
-            )
+            assign_light(shader, sample)
             passes.draw_fullscreen(target, shader, "direct light", add=True)
             shadow.release()
         image = passes.read_rgb(target.color_attachments[0])
         passes.release(target, *target.color_attachments)
     return image
+
+
+def assign_light(shader: Any, sample: LightSample) -> None:
+    """Tell a shader that includes `light.glsl` which light it adds."""
+    assign(
+        shader,
+        light_kind=KINDS[sample.kind],
+        light_position=tuple(sample.position),
+        light_axis=tuple(sample.axis),
+        light_intensity=tuple(sample.intensity),
+        light_cosines=sample.cosines,
+    )

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from renderers.gl import passes
 from renderers.gl.context import check, context, device
-from renderers.gl.direct import KINDS
+from renderers.gl.direct import assign_light
 from renderers.gl.gbuffer import WRAP, ResidentGBuffer
 from renderers.gl.lights import light_samples
 from renderers.gl.programs import assign, program
@@ -168,17 +168,8 @@ class LitHemicubes(Triangles):
             stride = 1 if k < self._punctual else STRIDE
             seen.bind(shader)
             shadow.bind(shader, 4, 0)
-            assign(
-                shader,
-                light_kind=KINDS[sample.kind],
-                light_position=tuple(sample.position),
-                light_axis=tuple(sample.axis),
-                light_intensity=tuple(sample.intensity),
-                light_cosines=sample.cosines,
-                stride=stride,
-                turn=(k - self._punctual) % stride**2,
-                **where,
-            )
+            assign_light(shader, sample)
+            assign(shader, stride=stride, turn=(k - self._punctual) % stride**2, **where)
             passes.draw_fullscreen(target, shader, "light of hemicubes", add=True)
         passes.release(target)
 

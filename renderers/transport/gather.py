@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from renderers.gbuffer import GBuffer
 from renderers.scene.world import LAMBERT, World
 from renderers.transport.brdf import Materials, materials_at
-from renderers.transport.kernels import add_visible, facing_pairs, gather_general, gather_lambert
+from renderers.transport.kernels import Receivers, add_visible, facing_pairs, gather_general, gather_lambert
 from renderers.transport.raycast import OFFSET, RayCaster
 from renderers.transport.threads import chunks, in_threads
 
@@ -34,6 +34,11 @@ class Pixels(NamedTuple):
     view: NDArray[np.float64]
     materials: Materials
     rows: NDArray[np.intp]
+
+    @property
+    def receivers(self) -> Receivers:
+        """The columns that kernels read."""
+        return Receivers(self.position, self.normal, self.view, *self.materials)
 
     def only(self, index: NDArray[np.intp] | slice) -> Pixels:
         """The selected pixels, arrays contiguous."""
@@ -88,21 +93,25 @@ def pixels_of(gbuffer: GBuffer, world: World) -> Pixels:
     return Pixels(position, gbuffer.normal.reshape(-1, 3)[rows], geometric, view, materials, rows)
 
 
+def one_receiver() -> Receivers:
+    """One pixel that kernels are compiled with."""
+    point, three, one = np.zeros((1, 3), np.float32), np.zeros((1, 3)), np.ones(1)
+    return Receivers(point, point, three, np.zeros(1, np.int32), three, three, one, one, one)
+
+
 @cache
 def warm_up(occluded: bool, glossy: bool) -> None:
     """Compile (or load from numba's cache) the kernels that `gather` will use; once a process."""
-    point, three = np.zeros((1, 3), np.float32), np.zeros((1, 3))
-    one = np.zeros(1)
-    materials = Materials(np.zeros(1, np.int32), three, three, one, one, one + 1)
-    lights, none = np.zeros((9, 1), np.float32), np.float32(0)
+    receiver, lights, none, three = one_receiver(), np.zeros((9, 1), np.float32), np.float32(0), np.zeros((1, 3))
+    point = receiver.position
     if occluded:
         pairs = np.zeros((1, 2), np.int32)
         facing_pairs(point, point, point, lights, 0, 1, none, pairs, point.copy(), point.copy())
-        add_visible(point, point, three, *materials, lights, none, pairs, np.ones(1, bool), three.copy())
+        add_visible(*receiver, lights, none, pairs, np.ones(1, bool), three)
         return
-    gather_lambert(point, point, lights, none, three.copy())
+    gather_lambert(point, point, lights, none, three)
     if glossy:
-        gather_general(point, point, three, *materials, lights, none, three.copy())
+        gather_general(*receiver, lights, none, three)
 
 
 def _unoccluded(pixels: Pixels, lights: F32, eps_b: np.float32) -> NDArray[np.float64]:
@@ -118,7 +127,7 @@ def _unoccluded(pixels: Pixels, lights: F32, eps_b: np.float32) -> NDArray[np.fl
     if len(glossy):
         p = pixels.only(glossy)
         sums = np.zeros((len(glossy), 3))
-        gather_general(p.position, p.normal, p.view, *p.materials, lights, eps_b, sums)
+        gather_general(*p.receivers, lights, eps_b, sums)
         total[glossy] = sums
     return total
 
@@ -139,7 +148,7 @@ def _occluded(pixels: Pixels, lights: F32, eps_b: np.float32, caster: RayCaster)
             )
             rays += n
             blocked = caster.occluded_unthreaded(origins[:n], directions[:n], reach[:n])
-            add_visible(p.position, p.normal, p.view, *p.materials, lights, eps_b, pairs[:n], blocked, total)
+            add_visible(*p.receivers, lights, eps_b, pairs[:n], blocked, total)
         return total, rays
 
     parts = in_threads(task, chunks(len(pixels.rows), PIXELS))

@@ -10,8 +10,11 @@ Pairs closer than SAFE_R2 (1e-9 of the world's size, under float32's resolution 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from renderers.scene.world import GGX_KIND, LAMBERT, PHONG
 from renderers.transport.brdf import ggx_lobe_scalar, phong_lobe_scalar, schlick_scalar
@@ -21,6 +24,23 @@ TILE = 64
 SAFE_R2 = np.float32(1e-18)
 ZERO = np.float32(0)
 ONE = np.float32(1)
+
+
+class Receivers(NamedTuple):
+    """What kernels read of P pixels: position, normal (P, 3); to_eye float64 (P, 3), unit; the fields of `Materials`.
+
+    Flat, since numba's parallel loops take no tuples inside tuples.
+    """
+
+    position: NDArray[np.floating]
+    normal: NDArray[np.floating]
+    to_eye: NDArray[np.float64]
+    kind: NDArray[np.int32]
+    base: NDArray[np.float64]
+    specular: NDArray[np.float64]
+    exponent: NDArray[np.float64]
+    metallic: NDArray[np.float64]
+    alpha: NDArray[np.float64]
 
 
 @numba.njit(inline="always")
@@ -91,6 +111,22 @@ def shade(kind, base, specular, exponent, metallic, alpha, n, v, light, weight, 
         else:
             value = base[c] / np.pi + specular[c] * lobe
         out[c] += value * weight[c]
+
+
+@numba.njit(inline="always")
+def reflect(pixels, i, d, r2, weight, out):  # type: ignore[no-untyped-def]
+    """out[i] += f · weight (3,) at pixel i of `Receivers`, of light from the direction d, a tuple of length √r2 > 0."""
+    if pixels.kind[i] == LAMBERT:
+        for c in range(3):
+            out[i, c] += pixels.base[i, c] / np.pi * weight[c]
+        return
+    r = np.sqrt(float(r2))
+    n = (float(pixels.normal[i, 0]), float(pixels.normal[i, 1]), float(pixels.normal[i, 2]))
+    v = (pixels.to_eye[i, 0], pixels.to_eye[i, 1], pixels.to_eye[i, 2])
+    shade(
+        pixels.kind[i], pixels.base[i], pixels.specular[i], pixels.exponent[i], pixels.metallic[i],
+        pixels.alpha[i], n, v, (float(d[0]) / r, float(d[1]) / r, float(d[2]) / r), weight, out[i],
+    )  # fmt: skip
 
 
 @numba.njit(parallel=True, cache=True)

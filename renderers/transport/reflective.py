@@ -21,7 +21,7 @@ from renderers.reflective import LightView, ReflectiveMap
 from renderers.scene.world import LAMBERT, World
 from renderers.transport.brdf import materials_at, mean_albedo
 from renderers.transport.gather import pixels_of
-from renderers.transport.kernels import SAFE_R2, shade
+from renderers.transport.kernels import SAFE_R2, reflect
 from renderers.transport.raycast import caster_of
 from renderers.transport.sampling import generator, uniform_numbers
 from renderers.transport.surface import surface_at
@@ -96,7 +96,7 @@ def gather_map(
     pixels, view = pixels_of(gbuffer, world), seen.view
     total = np.zeros((len(pixels.rows), 3))
     _gather(
-        pixels.position, pixels.normal, pixels.view, *pixels.materials, seen.position, seen.normal, seen.flux,
+        pixels.receivers, seen.position, seen.normal, seen.flux,
         view.views.astype(np.float32), view.half.astype(np.float32), view.centre.astype(np.float32),
         view.origin.astype(np.float32), view.parallel, samples, np.float32(eps_b), total,
     )  # fmt: skip
@@ -109,10 +109,10 @@ def gather_map(
 
 @numba.njit(parallel=True, cache=True)
 def _gather(  # type: ignore[no-untyped-def]
-    position, normal, view, kind, base, specular, exponent, metallic, alpha, map_position, map_normal, map_flux,
-    views, half, centre, origin, parallel, samples, eps_b, out,
+    pixels, map_position, map_normal, map_flux, views, half, centre, origin, parallel, samples, eps_b, out,
 ):  # fmt: skip
     """out (P, 3) float64 += Σ_i w_i f G_b Φ/π of the texels that the samples meet."""
+    position, normal = pixels.position, pixels.normal
     for i in numba.prange(len(position)):
         frame = np.empty((3, 3), np.float32)
         if parallel:
@@ -120,8 +120,6 @@ def _gather(  # type: ignore[no-untyped-def]
                 frame[0, c] = views[0, c, 0] * position[i, 0] + views[0, c, 1] * position[i, 1] + views[0, c, 2] * position[i, 2]
         else:
             _frame(position[i] - origin, frame)
-        n = (float(normal[i, 0]), float(normal[i, 1]), float(normal[i, 2]))
-        v = (view[i, 0], view[i, 1], view[i, 2])
         weight = np.empty(3)
         for k in range(len(samples)):
             row, column = _texel(
@@ -140,13 +138,7 @@ def _gather(  # type: ignore[no-untyped-def]
             g = samples[k, 3] / np.pi * cx * cy / (r2 * max(eps_b, r2))
             for c in range(3):
                 weight[c] = g * map_flux[row, column, c]
-            if kind[i] == LAMBERT:
-                for c in range(3):
-                    out[i, c] += base[i, c] / np.pi * weight[c]
-                continue
-            r = np.sqrt(float(r2))
-            light = (float(dx) / r, float(dy) / r, float(dz) / r)
-            shade(kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i], n, v, light, weight, out[i])
+            reflect(pixels, i, (dx, dy, dz), r2, weight, out)
 
 
 @numba.njit(cache=True)

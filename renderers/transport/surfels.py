@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.gbuffer import GBuffer
-from renderers.scene.world import LAMBERT, World
+from renderers.scene.world import World
 from renderers.transport.gather import pixels_of
-from renderers.transport.kernels import SAFE_R2, shade
+from renderers.transport.kernels import SAFE_R2, reflect
 from renderers.transport.sampling import SurfacePoints
 from renderers.transport.tiles import tiles_of
 from renderers.transport.vpl import Vpls
@@ -81,10 +81,7 @@ def splat_surfels(
     tiles = tiles_of(pixels.rows, gbuffer.size[0], pixels.position, pixels.normal)
     lights = np.ascontiguousarray(np.concatenate([surfels.positions, surfels.normals, surfels.intensities], axis=1))
     total, work = np.zeros((len(pixels.rows), 3)), np.zeros((len(tiles.pixel), 2), np.int64)
-    _splat(
-        tiles.pixel, tiles.tile_bounds, pixels.position, pixels.normal, pixels.view, *pixels.materials, lights,
-        np.float32(radius), np.float32(eps_b), total, work,
-    )  # fmt: skip
+    _splat(tiles.pixel, tiles.tile_bounds, pixels.receivers, lights, np.float32(radius), np.float32(eps_b), total, work)
     if counters is not None:
         counters["light_evaluations"] += int(work[:, 0].sum())
         counters["pixels_touched"] += int(work[:, 1].sum())
@@ -94,10 +91,9 @@ def splat_surfels(
 
 
 @numba.njit(parallel=True, cache=True)
-def _splat(  # type: ignore[no-untyped-def]
-    pixel, balls, position, normal, view, kind, base, specular, exponent, metallic, alpha, lights, radius, eps_b, out, work,
-):  # fmt: skip
+def _splat(pixel, balls, pixels, lights, radius, eps_b, out, work):  # type: ignore[no-untyped-def]
     """out (P, 3) float64 += Σ f G_b I of the lights within the radius; each tile walks through all lights in order."""
+    position, normal = pixels.position, pixels.normal
     for tile in numba.prange(len(pixel)):
         weight = np.empty(3)
         for j in range(len(lights)):
@@ -123,12 +119,4 @@ def _splat(  # type: ignore[no-untyped-def]
                 g = cx * cy / (r2 * max(eps_b, r2))
                 for c in range(3):
                     weight[c] = g * y[6 + c]
-                if kind[i] == LAMBERT:
-                    for c in range(3):
-                        out[i, c] += base[i, c] / np.pi * weight[c]
-                    continue
-                r = np.sqrt(float(r2))
-                n = (float(normal[i, 0]), float(normal[i, 1]), float(normal[i, 2]))
-                v = (view[i, 0], view[i, 1], view[i, 2])
-                light = (float(dx) / r, float(dy) / r, float(dz) / r)
-                shade(kind[i], base[i], specular[i], exponent[i], metallic[i], alpha[i], n, v, light, weight, out[i])
+                reflect(pixels, i, (dx, dy, dz), r2, weight, out)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from renderers.gbuffer import GBuffer
 from renderers.scene.world import World
-from renderers.transport.gather import Pixels, pixels_of
+from renderers.transport.gather import Pixels, one_receiver, pixels_of
+from renderers.transport.kernels import Receivers
 from renderers.transport.light_tree import LightTree, build
 from renderers.transport.raycast import RayCaster, segments_blocked
 from renderers.transport.sampling import generator
@@ -62,12 +63,15 @@ def warm_up() -> None:
     """Compile (or load from numba's cache) tree building and both walks; once a process."""
     one = np.array([[0, 0, 1.0]], np.float32)
     tree = build(Vpls(np.concatenate([one, one]), np.concatenate([one, one]), np.ones((2, 3), np.float32), np.arange(2), 2))
-    pixel = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3)))
-    tail = (0, 0, *NOTHING, 1e-4, np.zeros((0, 3)), np.zeros((0, 2), np.int64))
-    number = np.zeros(0)
-    solid_angle_cut(*pixel, number, number, number, *tree, 1.0, 0.1, *tail)
-    stochastic_cut(*pixel, number, number, number, *tree, 4, 0.1, np.uint64(1), *tail)
-    add_listed(*pixel, number, number, number, *tree[2:5], *tail[:-1])
+    pixels, tail = doubled(one_receiver()), (0, 0, *NOTHING, 1e-4, np.zeros((0, 3)), np.zeros((0, 2), np.int64))
+    solid_angle_cut(pixels, tree, 1.0, 0.1, *tail)
+    stochastic_cut(pixels, tree, 4, 0.1, np.uint64(1), *tail)
+    add_listed(pixels, tree, *tail[:-1])
+
+
+def doubled(pixels: Receivers) -> Receivers:
+    """Receivers as the walks read them: position and normal in float64."""
+    return pixels._replace(position=pixels.position.astype(np.float64), normal=pixels.normal.astype(np.float64))
 
 
 def _walked(
@@ -84,10 +88,10 @@ def _walked(
     count = len(pixels.rows)
     total, work = np.zeros((count, 3)), np.zeros((count, 2), np.int64)
     kernel: Any = stochastic_cut if stochastic else solid_angle_cut
-    receivers = (pixels.position.astype(np.float64), pixels.normal.astype(np.float64), pixels.view, *pixels.materials)
+    receivers = doubled(pixels.receivers)
     if caster is None or not stochastic:
         # lists of cuts that go by solid angle are as long as this says
-        kernel(*receivers, *tree, *arguments, 0, count, *NOTHING, float(eps_b), total, work)
+        kernel(receivers, tree, *arguments, 0, count, *NOTHING, float(eps_b), total, work)
     if caster is not None:
         total[:] = 0
         longest = int(arguments[0]) + len(tree.roots)
@@ -98,10 +102,10 @@ def _walked(
             end = max(begin + 1, int(np.searchsorted(ends, ends[begin] + PAIRS, "right")) - 1)
             places = ends - ends[begin]
             listed, factors = np.full(places[end], -1, np.int32), np.ones(places[end])
-            kernel(*receivers, *tree, *arguments, begin, end, places, listed, factors, float(eps_b), total, work)
+            kernel(receivers, tree, *arguments, begin, end, places, listed, factors, float(eps_b), total, work)
             own = np.repeat(np.arange(begin, end), lengths[begin:end])
             counters["rays"] += _drop_blocked(caster, pixels, tree, own, listed)
-            add_listed(*receivers, *tree[2:5], begin, end, places, listed, factors, float(eps_b), total)
+            add_listed(receivers, tree, begin, end, places, listed, factors, float(eps_b), total)
             begin = end
     counters["light_evaluations"] += int(work[:, 0].sum())
     counters["nodes_visited"] += int(work[:, 1].sum())
