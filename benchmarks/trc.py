@@ -12,8 +12,9 @@ indirect light on glossy surfaces as such, caches and the truth as on diffuse on
 something in diffuse scenes only. Glossy records: benchmarks/trc_glossy.py.
 
 Errors are of indirect light, relative to its mean, against a hemisphere at every pixel (`jobs.claims.trc_runs`), in the frames
-that --references names; by default two windows of ten frames. Flicker is the RMS change of the error from frame to frame, jump
-its maximum; ghost the mean signed error where a moving object hid the surface in one of the last eight frames.
+that --references names; by default two windows of ten frames. Flicker is the RMS change of the error from frame to frame, of pixels
+that see the same object in both, jump its maximum; ghost the mean signed error where a moving object hid the surface in one of the
+last eight frames.
 Times are of the render stage; first hits, direct light and the search for what moves included.
 
 Writes SCENE.csv (a row for each frame), SCENE_summary.csv (a row for each run) and SCENE.png, and prints the summary.
@@ -32,7 +33,7 @@ from numpy.typing import NDArray
 
 import renderers
 from jobs.claims.trc_runs import Ask, FrameErrors, Run, Truth, frame_errors, over_all, runs_of, truth_of
-from jobs.claims.trc_tables import CASES, RAYS, A
+from jobs.claims.trc_tables import CASES, RAYS, SIZE, A
 from jobs.request import ReferenceFrames
 from service import parse
 
@@ -119,7 +120,7 @@ def main() -> None:
         "--run", action="append", choices=[*CACHES, *PATHS], help="besides per-frame and temporal; default: static and path tracing"
     )
     parser.add_argument("--rays", type=int, default=RAYS, help="of a record")
-    parser.add_argument("--size", default="64x48")
+    parser.add_argument("--size", default="{}x{}".format(*SIZE))
     parser.add_argument("--frames", help="A:B; default: those of the claim trc-table-5.2")
     parser.add_argument("--references", help="as of `luxmeter evaluate`; default: two windows of ten frames")
     parser.add_argument("--out", type=Path, default=Path("trc"))

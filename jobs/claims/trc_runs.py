@@ -25,18 +25,26 @@ COUNTED = ("rays", "records", "records_alive")
 
 @dataclass(frozen=True)
 class Truth:
-    """Of K frames `frames`: indirect and direct light (K, H, W, 3); revealed (K, H, W): what a moving object hid until lately."""
+    """Of K frames `frames`: indirect and direct light (K, H, W, 3); revealed (K, H, W): what a moving object hid until lately;
+    seen int32 (K, H, W): number of the object in a pixel, -1 where there is none."""
 
     frames: tuple[int, ...]
     indirect: F64
     direct: F64
     revealed: NDArray[np.bool_]
+    seen: NDArray[np.int32]
 
     @staticmethod
     def none(size: tuple[int, int]) -> Truth:
         """Of no frames: no picture is kept, only times and counts."""
         nothing = np.zeros((0, size[1], size[0], 3))
-        return Truth((), nothing, nothing, np.zeros(nothing.shape[:3], bool))
+        return Truth((), nothing, nothing, np.zeros(nothing.shape[:3], bool), np.zeros(nothing.shape[:3], np.int32))
+
+    def steady(self, k: int) -> NDArray[np.bool_] | None:
+        """Pixels (H, W) that see the same object in frame k of them and the one before; None where that is not among them."""
+        if k < 1 or self.frames[k - 1] != self.frames[k] - 1:
+            return None
+        return np.asarray(self.seen[k] == self.seen[k - 1])
 
 
 class Run(NamedTuple):
@@ -110,6 +118,7 @@ def truth_of(scene: Scene, size: tuple[int, int], frames: Sequence[int], rays: i
 
     shape = len(frames), size[1], size[0]
     images, lit, hidden = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape, bool)
+    seen = np.full(shape, -1, np.int32)
     for number, frame in enumerate(frames):
         world = scene.world(frame)
         gbuffer = cast_gbuffer(world, size)
@@ -117,17 +126,12 @@ def truth_of(scene: Scene, size: tuple[int, int], frames: Sequence[int], rays: i
         sampler = PolarSampler(world, grid_of(rays), ReflectedDirectLight(world), seed=1)
         irradiance = sampler(Sites(*receivers_of(world, gbuffer, rows))).irradiance
         images[number].reshape(-1, 3)[rows] = irradiance * albedos(world, gbuffer).reshape(-1, 3)[rows] / np.pi
+        seen[number].ravel()[rows] = world.instance[gbuffer.triangle.ravel()[rows]]
         lit[number] = emitted(world, gbuffer) + direct(world, gbuffer)
         shown = revealed(scene, frame, size)
         if shown is not None:
             hidden[number] = shown
-    return Truth(tuple(frames), images, lit, hidden)
-
-
-def flicker(indirect: F64, truth: F64) -> float:
-    """RMS of the error's change from frame to frame of consecutive frames, over the mean of the truth."""
-    error = (indirect - truth) / truth.mean()
-    return float(np.sqrt(np.mean((error[1:] - error[:-1]) ** 2)))
+    return Truth(tuple(frames), images, lit, hidden, seen)
 
 
 def rmse(indirect: F64, truth: F64) -> float:
@@ -143,8 +147,8 @@ def accuracy(indirect: F64, truth: F64) -> F64:
 
 class FrameErrors(NamedTuple):
     """Of K frames, (K,) each, in units of the truth's mean over all of them: RMS error; RMS of the error's change from the frame
-    before and the greatest such change, NaN where that frame is not among them; mean signed residual where a moving object hid
-    the surface lately, NaN where none did."""
+    before and the greatest such change, of pixels that see the same object in both, NaN where that frame is not among them; mean
+    signed residual where a moving object hid the surface lately, NaN where none did."""
 
     rmse: F64
     flicker: F64
@@ -157,9 +161,10 @@ def frame_errors(indirect: F64, truth: Truth) -> FrameErrors:
     error = (indirect - truth.indirect) / truth.indirect.mean()
     found = np.full((4, len(truth.frames)), np.nan)
     found[0] = np.sqrt(np.mean(error**2, axis=(1, 2, 3)))
-    for k, frame in enumerate(truth.frames):
-        if k and truth.frames[k - 1] == frame - 1:
-            change = error[k] - error[k - 1]
+    for k in range(len(truth.frames)):
+        steady = truth.steady(k)
+        if steady is not None and steady.any():
+            change = (error[k] - error[k - 1])[steady]
             found[1, k], found[2, k] = np.sqrt(np.mean(change**2)), np.abs(change).max()
         if truth.revealed[k].any():
             found[3, k] = error[k][truth.revealed[k]].mean()

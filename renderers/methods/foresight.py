@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from renderers.methods.one_bounce import is_software
-from renderers.methods.ray_records import PILOT_RAYS
+from renderers.methods.ray_records import PILOT_RAYS, warm_up
 from renderers.scene.world import World
 
 if TYPE_CHECKING:
@@ -23,6 +25,18 @@ def backend_of(backend: str, device: str) -> str:
     if backend != "auto":
         return backend
     return "cpu" if is_software(device) else "gl"
+
+
+def prepare(world: World, settings: Any) -> None:
+    """`ray_records.warm_up`, and the same for planes, where they are asked for."""
+    warm_up(world)
+    if settings.sampler == "plane":
+        from renderers.transport.caching.records import Sites
+
+        up = np.array([[0.0, 0.0, 1.0]])
+        samplers_of(world, settings, 0, Counter(), None)[0].sample(Sites(np.zeros((1, 3)), up, up), np.arange(1))
+        if settings.prediction == "reproject":
+            draw_of(settings.backend)(up[None].astype(np.float32), 4, 1.0)
 
 
 def samplers_of(

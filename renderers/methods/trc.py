@@ -42,8 +42,8 @@ from numpy.typing import NDArray
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
-from renderers.methods.foresight import ahead_of, backend_of, samplers_of
-from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of, warm_up
+from renderers.methods.foresight import ahead_of, backend_of, prepare, samplers_of
+from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -194,7 +194,7 @@ class _Run:
         counters, watch, settings = Counter(dict.fromkeys(COUNTED, 0)), context.watch, self.settings
         if self.motion is None:
             with watch("warm-up", "prepare"):
-                warm_up(self.scene.world(context.frame))
+                prepare(self.scene.world(context.frame), settings)
         with watch("scene"):
             world = self._goes_to(context.frame)
         with watch("warm-up", "prepare"):

@@ -175,7 +175,7 @@ def test_records_on_a_moving_cube_go_with_it(monkeypatch: pytest.MonkeyPatch) ->
     scene = load_scene("cube-in-a-box")
     kept = {}
     for follow in (True, False):
-        frames = caches_of(monkeypatch, scene, 6, delta_max=8, follow=follow, stagger=False, a=0.08, a_t=10.0)
+        frames = caches_of(monkeypatch, scene, 6, delta_max=8, follow=follow, stagger=False, a=0.05, a_t=10.0)
         (first, stage, _), (last, later, _) = frames[0], frames[-1]
         cube = first.rows(anchors(stage.sampler.world, first.sites).triangle >= 12)
         cube = cube.rows((cube.last >= 5) & np.isin(cube.place, last.place))
@@ -187,6 +187,17 @@ def test_records_on_a_moving_cube_go_with_it(monkeypatch: pytest.MonkeyPatch) ->
         np.testing.assert_allclose(np.linalg.norm(same.sites.normal, axis=1), 1, rtol=1e-9)
     assert kept[True] == 1
     assert kept[False] < 1
+
+
+def test_c8_lives_are_short_where_light_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Near a cube that passes by they are at most 0.7 times as long as far from it, where they are nearly as long as may be."""
+    path = lambda t: np.stack([-1.2 + 0.06 * t, 0.9 + 0 * t, 0.45 + 0 * t], 1)  # noqa: E731
+    live, stage, _ = caches_of(monkeypatch, room(cube=path, frames=20), 8, stagger=False, lifespan="rate", a=0.2)[-1]
+    world = stage.sampler.world
+    away = np.linalg.norm(live.sites.position / world.scale + world.centre - path(np.array([7.0]))[0], axis=1)
+    near, far = live.life[away < 1.2], live.life[away > 2.5]
+    assert min(len(near), len(far)) > 10
+    assert near.mean() < 0.7 * far.mean()
 
 
 def test_h16_lives_that_no_rate_can_tell_are_noted() -> None:

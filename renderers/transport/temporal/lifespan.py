@@ -10,8 +10,7 @@ The modulus is missing in the printed weight: without it a record whose light fa
 
 The printed max_i λ_1i/λ_0i takes one unchanged coefficient for a static scene and a tiny one that grows for a great change. By
 default the norms alone decide: they are the relative change of the radiance function, of which a single coefficient is a small
-part. In a box with glossy walls and a turning cube the maximum over coefficients makes three times as many records for the same
-error.
+part. In a glossy box with a turning cube the maximum over coefficients makes three times as many records for the same error.
 """
 
 from __future__ import annotations

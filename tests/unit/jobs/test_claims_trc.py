@@ -16,7 +16,7 @@ def truth_with(frames: tuple[int, ...]) -> Truth:
     shape = len(frames), 6, 8
     revealed = np.zeros(shape, bool)
     revealed[1:, :, :4] = True
-    return Truth(frames, np.full((*shape, 3), 2.0), np.zeros((*shape, 3)), revealed)
+    return Truth(frames, np.full((*shape, 3), 2.0), np.zeros((*shape, 3)), revealed, np.zeros(shape, np.int32))
 
 
 def test_the_claims_are_registered_and_their_scenes_exist() -> None:
@@ -46,6 +46,17 @@ def test_errors_that_change_are_seen_between_consecutive_frames_only() -> None:
     np.testing.assert_allclose(found.jump[1:3], 0.25)
     assert np.isnan(found.flicker[[0, 3]]).all()
     assert over_all(found.flicker) == pytest.approx(0.25 * np.sqrt((1 + 1 / 48) / 2))
+
+
+def test_pixels_that_see_another_object_than_before_do_not_flicker() -> None:
+    truth = truth_with((3, 4, 5))
+    truth.seen[1:, 2, 3] = 7
+    test = truth.indirect.copy()
+    test[1:, 2, 3] += 4
+    test[2, 5, 7] += 0.5
+    found = frame_errors(test, truth)
+    assert found.flicker[1] == found.jump[1] == 0
+    np.testing.assert_allclose([found.flicker[2], found.jump[2]], [0.25 / np.sqrt(48), 0.25])
 
 
 def test_ghosts_are_signed_and_looked_for_where_something_was_hidden() -> None:
