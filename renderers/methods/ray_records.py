@@ -91,7 +91,7 @@ def chosen_placement(settings: Any) -> str:
     """What `placement=auto` stands for: by curvature, wherever the sampler knows it."""
     if settings.placement != "auto":
         return str(settings.placement)
-    return "bounded" if getattr(settings, "sampler", "polar") == "plane" else str(settings.by_curvature)
+    return "bounded" if settings.sampler == "plane" else str(settings.by_curvature)
 
 
 def albedos(world: World, gbuffer: GBuffer) -> NDArray[np.float64]:

@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
 from renderers.methods.foresight import ahead_of, backend_of, prepare, samplers_of
-from renderers.methods.ray_records import RecordSettings, glossy_placement_of, placement_of
+from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -142,8 +142,9 @@ class TemporalRadianceCaching(SequenceMethod):
         return "one-bounce"
 
     def resolve(self, scene: Scene, settings: Any, device: str) -> Any:
-        """Fill in where planes are drawn."""
-        return settings.model_copy(update={"backend": backend_of(settings.backend, device)})
+        """Fill in where planes are drawn and where records go."""
+        chosen = {"backend": backend_of(settings.backend, device), "placement": chosen_placement(settings)}
+        return settings.model_copy(update=chosen)
 
     def _render_frames(self, scene: Scene, settings: Any, contexts: Iterable[Context]) -> Iterator[Frame]:
         """Frames one after the other; interpolation holds them back until their records' successors are known."""
