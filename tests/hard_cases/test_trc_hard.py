@@ -4,6 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from caching_rooms import EYE_2, FORWARD_2
 from numpy.typing import NDArray
 from temporal_rooms import room
 
@@ -198,6 +199,21 @@ def test_c8_lives_are_short_where_light_changes(monkeypatch: pytest.MonkeyPatch)
     near, far = live.life[away < 1.2], live.life[away > 2.5]
     assert min(len(near), len(far)) > 10
     assert near.mean() < 0.7 * far.mean()
+
+
+def test_places_that_add_up_end_where_others_stand_in_for_them() -> None:
+    """A camera comes near and goes back, a cube creeps. No pixel goes without a record, and beginnings stay what they are."""
+    scene = room(
+        cube=lambda t: np.stack([0.3 + 0.002 * t, 0.4 + 0 * t, 0.45 + 0 * t], 1),
+        camera=lambda t: EYE_2 + np.outer(1.2 * np.sin(np.pi * np.minimum(t / 24, 1)), FORWARD_2),
+        frames=30,
+    )
+    few = {"delta_max": 4, "a": 0.1, "rays": 64}
+    ended, kept = (frames_of(scene, 30, guard=guard, **few) for guard in (True, False))
+    assert sum(frame.counters["pixels_missed"] for frame in ended) == 0
+    assert ended[-1].counters["records_alive"] < 0.9 * kept[-1].counters["records_alive"]
+    for whole, alone in zip(ended, frames_of(scene, 20, **few), strict=False):
+        assert whole.layers["indirect"].tobytes() == alone.layers["indirect"].tobytes()
 
 
 def test_h16_lives_that_no_rate_can_tell_are_noted() -> None:

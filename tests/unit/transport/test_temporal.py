@@ -11,7 +11,7 @@ from renderers.transport.caching.splat import Canvas
 from renderers.transport.caching.weights import WEIGHTS, weight
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.temporal.anchors import anchors, carried
-from renderers.transport.temporal.coverage import coverage
+from renderers.transport.temporal.coverage import coverage, needed
 from renderers.transport.temporal.motion import crossing, motion_between
 from renderers.transport.temporal.overlay import overlay
 from renderers.transport.temporal.records import Timed, succeeded
@@ -117,6 +117,19 @@ def test_a16_coverage_counts_the_pixels_of_each_zone() -> None:
     )
     np.testing.assert_array_equal(counts[:-1], inside.sum(axis=1))
     assert counts[-1] == 0
+
+
+@pytest.mark.parametrize("others", [1, 2, 3])
+def test_records_are_needed_where_too_few_others_reach_a_pixel(others: int) -> None:
+    """Seven at one place: sure ones count first, of the rest as many as are missing, and one that isn't needed doesn't count."""
+    canvas = Canvas.of(cast_gbuffer(room_2().world(), (24, 24)))
+    same = records_at(
+        np.repeat(canvas.position[:1], 7, axis=0).astype(float), np.repeat(canvas.normal[:1], 7, axis=0).astype(float)
+    )
+    for sure in (0, 1, 4):
+        found = needed(canvas, same, np.arange(7) >= 7 - sure, 0.4, others=others)
+        missing = max(others - sure, 0)
+        assert found[: 7 - sure].tolist() == [True] * missing + [False] * (7 - sure - missing)
 
 
 @pytest.mark.parametrize("mode", ["none", "extrapolated", "interpolated"])
