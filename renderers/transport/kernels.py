@@ -2,7 +2,8 @@
 
 Each pixel adds up its lights in one fixed order (blocks of BLOCK lights, float32 inside a block, float64 across blocks), and only
 pixels are spread over threads: the same bytes at any thread count. `fastmath` lets the compiler add a block in vector lanes; that
-order is fixed by the compiled code, so bytes may differ between kinds of CPU but not between runs.
+order is fixed by the compiled code, so the last bit may differ between kinds of CPU, and between the process that compiles a kernel
+and those that load it from numba's cache, which is optimised once more as it is written.
 
 One pair:  G_b = max(0, n_x·v) max(0, -n_y·v) / (r² max(ε_b, r²)),  v = y - x,  r² = v·v  (the two cosines still unnormalised).
 Pairs closer than SAFE_R2 (1e-9 of the world's size, under float32's resolution of a coordinate) give 0.
