@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from work import counted
 
+from renderers import SceneError, load_scene
 from renderers.images import read_exr
 from renderers.scene.gltf.container import pack_glb
 
@@ -53,18 +53,11 @@ def test_loadable_files_render(name: str, broken: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_the_others_are_refused_in_one_line(name: str, broken: Path, tmp_path: Path) -> None:
-    before = os.times()
-    start = time.monotonic()
     done = render(broken / f"{name}.glb", tmp_path / "out")
-    wall = time.monotonic() - start
-    after = os.times()
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
-    # CPU seconds of the command: what it takes on an idle machine, whatever else runs here.
-    spent = after.children_user + after.children_system - before.children_user - before.children_system
-    assert min(wall, spent) < 1.0
 
 
 def test_a_bomb_of_nodes_and_primitives_is_refused_in_one_line(tmp_path: Path) -> None:
@@ -79,19 +72,11 @@ def test_a_bomb_of_nodes_and_primitives_is_refused_in_one_line(tmp_path: Path) -
     folder.mkdir()
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     (folder / "bomb.glb").write_bytes(pack_glb(root, corners.tobytes()))
-    (folder / "empty.glb").write_bytes(b"")
-    done, spent = timed(folder / "bomb.glb", tmp_path / "out")
+    done = render(folder / "bomb.glb", tmp_path / "out")
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
     assert "4000000 drawn primitives, more than the limit of 100000" in line
     assert not (tmp_path / "out").exists()
-    # Beyond starting the command, which an empty file costs too, there is 200 kB of JSON to read and count.
-    assert spent < timed(folder / "empty.glb", tmp_path / "out")[1] + 0.5
-
-
-def timed(file: Path, out: Path) -> tuple[subprocess.CompletedProcess[str], float]:
-    """The command's answer and its processor seconds."""
-    before = os.times()
-    done = render(file, out)
-    after = os.times()
-    return done, after.children_user + after.children_system - before.children_user - before.children_system
+    with pytest.raises(SceneError), counted() as work:
+        load_scene(folder / "bomb.glb")
+    assert work.calls < 50_000 + (folder / "bomb.glb").stat().st_size
