@@ -18,12 +18,14 @@ from typing import Any
 
 from llvmlite import ir
 from numba import float32, float64, types
-from numba.core import cgutils
+from numba.core import cgutils as untyped_code
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
-from numba.np.arrayobj import make_array
+from numba.np.arrayobj import make_array as untyped_array
 
 LANES = 16
+code: Any = untyped_code
+array: Any = untyped_array
 
 
 def _fma(_context: Any, a: Any, b: Any, c: Any) -> Any:
@@ -46,17 +48,17 @@ def _dot(_context: Any, first: Any, second: Any) -> Any:
         raise TypingError(f"dot takes two contiguous rows of float32, not {first}, {second}")
 
     def generate(target: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows = [make_array(kind)(target, builder, value) for kind, value in zip(signature.args, values, strict=True)]
+        rows = [array(kind)(target, builder, value) for kind, value in zip(signature.args, values, strict=True)]
         wide, pointers = ir.VectorType(ir.FloatType(), LANES), [row.data for row in rows]
-        fused = cgutils.get_or_insert_function(builder.module, ir.FunctionType(wide, [wide] * 3), f"llvm.fma.v{LANES}f32")
+        fused = code.get_or_insert_function(builder.module, ir.FunctionType(wide, [wide] * 3), f"llvm.fma.v{LANES}f32")
         count = builder.extract_value(rows[0].shape, 0)
         whole = builder.and_(count, count.type(-LANES))
-        lanes, total = cgutils.alloca_once_value(builder, wide([0.0] * LANES)), cgutils.alloca_once(builder, ir.FloatType())
-        with cgutils.for_range_slice(builder, count.type(0), whole, count.type(LANES)) as (i, _):
+        lanes, total = code.alloca_once_value(builder, wide([0.0] * LANES)), code.alloca_once(builder, ir.FloatType())
+        with code.for_range_slice(builder, count.type(0), whole, count.type(LANES)) as (i, _):
             a, b = (builder.load(builder.bitcast(builder.gep(p, [i]), wide.as_pointer()), align=4) for p in pointers)
             builder.store(builder.call(fused, [a, b, builder.load(lanes)]), lanes)
         builder.store(_halved(builder, builder.load(lanes)), total)
-        with cgutils.for_range_slice(builder, whole, count, count.type(1)) as (i, _):
+        with code.for_range_slice(builder, whole, count, count.type(1)) as (i, _):
             a, b = (builder.load(builder.gep(p, [i])) for p in pointers)
             builder.store(builder.fma(a, b, builder.load(total)), total)
         return builder.load(total)
