@@ -3,10 +3,10 @@
 Without `fastmath` numba never fuses a product and a sum. With it, whoever optimises last decides where, and in which order lanes of
 a sum are added: kernels just compiled and kernels loaded from the cache then differ in the last bit. Here it is said:
 
-| function    | value                                                                                                   |
-| ----------- | ------------------------------------------------------------------------------------------------------- |
+| function     | value                                                                                                   |
+| ------------ | ------------------------------------------------------------------------------------------------------- |
 | fma(a, b, c) | a · b + c, rounded once                                                                                 |
-| dot(a, b)   | Σ a b in LANES lanes, then halves of the lanes added to one another, then what is left over, one by one |
+| dot(a, b)    | Σ a b in LANES lanes, then halves of the lanes added to one another, then what is left over, one by one |
 
 A fused operation is one instruction of x86-64 since 2013 and of all 64-bit ARM; older CPUs call the C library's, much slower, for
 the same bits.
