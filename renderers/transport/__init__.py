@@ -9,6 +9,6 @@ import os
 from renderers.transport import kernel_cache
 
 kernel_cache.use()
-# numba's OpenMP threads would spin for a millisecond after each kernel, in case there is another: where kernels are short that doubles
-# the processor time of a frame, and takes it from whatever else runs. Read when the first parallel kernel is loaded.
+# numba's OpenMP threads would spin for a millisecond after each kernel, in case there is another: where kernels are short that
+# doubles the processor time of a frame, and takes it from whatever else runs. Read when the first parallel kernel is loaded.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")

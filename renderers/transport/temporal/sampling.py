@@ -8,6 +8,8 @@ differences.
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -22,61 +24,60 @@ from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
 from renderers.transport.sampling import frame
 from renderers.transport.seen import Seen, seen_along
+from renderers.transport.temporal.held import Held, poses
 from renderers.transport.temporal.trends import Trends
+from renderers.transport.temporal.updating import Found, states_of, update
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 LOST = 1 / 3
+NOTHING = Found(Hits.none(0), np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 
 
 class Cast(NamedTuple):
     """Hemispheres of K places with all that was found on the way. Rays are numbered record by record, cell by cell.
 
-    origins, directions float32 (K·cells, 3); hits: of the rays; seen: of those that hit something; random float64 (K, 8): numbers
-    of the places; radiance float32 (K·cells, 3), nearness float32 (K·cells,); tangents float64 (K, 2, 3); cell int64 (K·cells,):
-    number of each ray among those of the whole hemispheres of the K places.
+    origins, directions float32 (K·cells, 3); found: by the rays; random float64 (K, 8): numbers of the places; tangents float64
+    (K, 2, 3); cell int64 (K·cells,): number of each ray among those of the whole hemispheres of the K places; seen: of the rays
+    that hit something, None where not all of them were shaded.
     """
 
     sites: Sites
     tangents: F64
     origins: F32
     directions: F32
-    hits: Hits
-    seen: Seen
+    found: Found
     random: F64
-    radiance: F32
-    nearness: F32
     cell: I64
+    seen: Seen | None
 
     def part(self, places: I64, cells: I64) -> Cast:
         """Some cells (C,) of the hemispheres of some places (M,), in order."""
         rays = (places[:, None] * (len(self.origins) // len(self.tangents)) + cells).ravel()
-        row = np.full(len(self.origins), -1)
-        row[self.seen.ray] = np.arange(len(self.seen.ray))
-        found = row[rays]
-        number = np.flatnonzero(found >= 0)
-        columns: Any = (column[found[number]] for column in self.seen)
-        seen = Seen(*columns)
-        hit: Any = (column[rays] for column in self.hits)
-        random, radiance, nearness = self.random[places], self.radiance[rays], self.nearness[rays]
+        hits: Any = (column[rays] for column in self.found.hits)
+        found = Found(Hits(*hits), self.found.radiance[rays], self.found.nearness[rays])
         # light samples are numbered by place and cell
         cell = np.arange(len(places))[:, None] * (len(self.origins) // len(self.tangents)) + cells
         return Cast(
-            self.sites.rows(places), self.tangents[places], self.origins[rays], self.directions[rays], Hits(*hit),
-            seen._replace(ray=number), random, radiance, nearness, cell.ravel(),
+            self.sites.rows(places), self.tangents[places], self.origins[rays], self.directions[rays], found, self.random[places],
+            cell.ravel(), None,
         )  # fmt: skip
 
 
 class Ahead(Protocol):
-    """Foresees hemispheres one frame later. smooth: what changes does so by a little everywhere, as where lights move."""
+    """Foresees hemispheres one frame later. smooth: what changes does so by a little everywhere, as where lights move. exact: what
+    is foreseen is what the rays will find."""
 
     @property
     def smooth(self) -> bool: ...
 
-    def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
-        """Radiance (K·cells, 3), nearness (K·cells,) one frame later, and the number of rays cast. Called from several threads."""
+    @property
+    def exact(self) -> bool: ...
+
+    def __call__(self, cast: Cast) -> tuple[Found, int]:
+        """What the rays find one frame later, and the number of rays cast. Called from several threads."""
 
     def changes(self, sites: Sites) -> NDArray[np.bool_]:
         """Places (K,) whose hemispheres change as a whole: foreseeing all of their rays would cost as much as a record."""
@@ -85,14 +86,15 @@ class Ahead(Protocol):
 class TemporalSampler(PolarSampler):
     """Computes records at places with numbers of their own, and the same records one frame ahead. Counters as `PolarSampler`.
 
-    order: None for irradiance records, 2 at least for radiance records.
+    order: None for irradiance records, 2 at least for radiance records. held: hemispheres kept from frame to frame, if any.
     """
 
     def __init__(
         self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1,
-        order: int | None = None,
+        order: int | None = None, held: Held | None = None,
     ) -> None:  # fmt: skip
         super().__init__(world, grid, incoming, seed, counters=counters)
+        self._held = held
         self.order, self.equal_solid_angle = order, order is not None
         self._coarse = (
             coarse(grid, self._fewer(max(4, grid.cells // sparse))) if sparse > 1 else Coarse(grid, np.arange(grid.cells))
@@ -103,73 +105,93 @@ class TemporalSampler(PolarSampler):
 
         tangents (N, 2, 3): axes of the hemispheres, where they aren't those of `sampling.frame`.
         """
-        size, order = max(1, RAYS_PER_TASK // self.grid.cells), np.arange(len(places))
-        parts = chunks(len(order), size)
+        if not len(places):
+            none = Records.joined([])
+            return none, none
+        tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
+        # places that are sampled and foreseen alike go together
+        kind = np.zeros(len(places), np.int64)
         if ahead is not None:
-            # places that are foreseen alike go together
-            changes = ahead.changes(sites)
-            order, alike = np.argsort(changes, kind="stable"), int(np.count_nonzero(~changes))
-            parts = [
-                *chunks(alike, size),
-                *(slice(alike + part.start, alike + part.stop) for part in chunks(len(order) - alike, size)),
-            ]
+            kind += ahead.changes(sites)
+        if self._held is not None:
+            kind += 2 * self._held.holds(places, sites, tangents)
+            self._held.differences(self.world)
+        order = np.argsort(kind, kind="stable")
+        starts = np.searchsorted(kind[order], np.arange(5))
+        size = max(1, RAYS_PER_TASK // self.grid.cells)
+        parts = [order[a:b][part] for a, b in pairwise(starts) for part in chunks(b - a, size)]
 
-        def task(part: slice) -> tuple[Records, Records, int]:
-            rows = order[part]
-            cast, rays = self.cast(sites.rows(rows), places[rows], None if tangents is None else tangents[rows])
-            now = self._records(cast, cast.radiance, cast.nearness)
-            if ahead is None:
-                return now, now, rays
-            later, more = self.foreseen(cast, now, ahead)
-            return now, later, rays + more
+        def task(rows: I64) -> Sampled:
+            return self._sampled(sites.rows(rows), places[rows], tangents[rows], bool(kind[rows[0]] >= 2), ahead)
 
         done = in_threads(task, parts)
-        self.counters["rays"] += sum(rays for _, _, rays in done)
+        self.counters["rays"] += sum(each.rays for each in done)
         self.counters["records"] += len(places)
         self.counters["predictions"] += 0 if ahead is None else len(places)
-        back = np.argsort(order)
-        return Records.joined([now for now, _, _ in done]).rows(back), Records.joined([later for _, later, _ in done]).rows(back)
+        if self._held is not None:
+            for rows, each in zip(parts, done, strict=True):
+                later = self._held.frame + each.later_found
+                self._held.store(later, places[rows].tolist(), poses(sites.rows(rows), tangents[rows]), each.found)
+        back = np.argsort(np.concatenate(parts))
+        return Records.joined([each.now for each in done]).rows(back), Records.joined([each.later for each in done]).rows(back)
 
-    def cast(self, sites: Sites, places: I64, tangents: F64 | None = None) -> tuple[Cast, int]:
-        """The hemispheres of a few places, and the number of rays cast. In the calling thread up to RAYS_PER_TASK rays."""
+    def _sampled(self, sites: Sites, places: I64, tangents: F64, held: bool, ahead: Ahead | None) -> Sampled:
+        """Records of a few places, all held or none."""
+        cast, rays = self.cast(sites, places, tangents, held)
+        now = self._records(cast, cast.found)
+        if ahead is None:
+            return Sampled(now, now, rays, cast.found, False)
+        later, found, more = self.foreseen(cast, now, ahead)
+        return Sampled(now, later, rays + more, cast.found if found is None else found, found is not None)
+
+    def cast(self, sites: Sites, places: I64, tangents: F64 | None = None, held: bool = False) -> tuple[Cast, int]:
+        """The hemispheres of a few places, all held or none, and the number of rays cast. In the calling thread."""
         cells = len(places) * self.grid.cells
         tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
         random = np.stack([numbers_of(self._seed, int(place)) for place in places])
         origins, directions = self._rays(sites, tangents, random)
+        if held:
+            return self._updated(Cast(sites, tangents, origins, directions, NOTHING, random, np.arange(cells), None), places)
         hits = self._caster.first_hit(origins, directions, self.grid)
         seen = seen_along(self.world, directions, hits)
-        radiance, nearness = np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32)
-        radiance[seen.ray], shadow_rays = self._incoming(seen, self._light_numbers(seen, random))
-        nearness[seen.ray] = 1 / np.maximum(hits.t[seen.ray], OFFSET)
-        cast = Cast(sites, tangents, origins, directions, hits, seen, random, radiance, nearness, np.arange(cells))
-        return cast, cells + shadow_rays
+        found = Found(hits, np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32))
+        found.radiance[seen.ray], shadow_rays = self._incoming(seen, self._light_numbers(seen, random))
+        found.nearness[seen.ray] = 1 / np.maximum(hits.t[seen.ray], OFFSET)
+        return Cast(sites, tangents, origins, directions, found, random, np.arange(cells), seen), cells + shadow_rays
 
-    def foreseen(self, cast: Cast, now: Records, ahead: Ahead) -> tuple[Records, int]:
-        """Records `now` of a cast one frame later, and the number of rays cast.
+    def _updated(self, cast: Cast, places: I64) -> tuple[Cast, int]:
+        """A cast of places that are held, with what its rays find now, and the number of rays cast."""
+        assert self._held is not None
+        rays, cast = (cast.origins, cast.directions), cast._replace(found=self._held.found(places))
+        unknown = np.zeros(len(cast.origins), bool)
+        states = states_of(self._held.differences(self.world), self._held.group(places), rays, cast.found.hits, unknown)
+        numbers = partial(self.light_numbers, cast=cast)
+        return cast, update(self.world, self._incoming, rays, len(places), states, cast.found, numbers)
+
+    def foreseen(self, cast: Cast, now: Records, ahead: Ahead) -> tuple[Records, Found | None, int]:
+        """Records `now` of a cast one frame later, what its rays will find then, if that is known, and the number of rays cast.
 
         Where a hemisphere changes as a whole, a coarse part of it is foreseen, and its change is that of the record.
         """
         changes = ahead.changes(cast.sites)
         if len(self._coarse.cells) == self.grid.cells or not changes.any():
-            radiance, nearness, rays = ahead(cast)
-            return self._records(cast, radiance, nearness), rays
-        found, order, total = list[Trends](), list[I64](), 0
+            found, rays = ahead(cast)
+            return self._records(cast, found), found if ahead.exact and not changes.any() else None, rays
+        trends, order, total = list[Trends](), list[I64](), 0
         for index, grid, cells in (
             (np.flatnonzero(~changes), self.grid, np.arange(self.grid.cells)),
             (np.flatnonzero(changes), *self._coarse),
         ):
             if len(index):
                 part = cast.part(index, cells)
-                radiance, nearness, rays = ahead(part)
-                last, first = (
-                    self._records(part, *light, grid) for light in ((radiance, nearness), (part.radiance, part.nearness))
-                )
-                differences = (radiance - part.radiance).reshape(len(index), *grid, 3)
+                found, rays = ahead(part)
+                last, first = (self._records(part, light, grid) for light in (found, part.found))
+                differences = (found.radiance - part.found.radiance).reshape(len(index), *grid, 3)
                 share = 0.0 if ahead.smooth else self._unevenness(grid) - self._unevenness(self.grid)
-                found.append(_certain(Trends.between(first, last, np.ones(len(index))), differences, share))
+                trends.append(_certain(Trends.between(first, last, np.ones(len(index))), differences, share))
                 order.append(index)
                 total += rays
-        return Trends.joined(found).rows(np.argsort(np.concatenate(order))).after(now, np.ones(len(changes))), total
+        return Trends.joined(trends).rows(np.argsort(np.concatenate(order))).after(now, np.ones(len(changes))), None, total
 
     def light_numbers(self, seen: Seen, cast: Cast) -> F64:
         """Random numbers float64 (S, 6) for the lights of hits of a cast's rays."""
@@ -185,12 +207,22 @@ class TemporalSampler(PolarSampler):
         """Sum of the squares of the shares that cells have in irradiance: variance of the mean of cells of variance 1."""
         return 1 / grid.cells
 
-    def _records(self, cast: Cast, radiance: F32, nearness: F32, grid: Grid | None = None) -> Records:
+    def _records(self, cast: Cast, found: Found, grid: Grid | None = None) -> Records:
         shape = len(cast.tangents), *(self.grid if grid is None else grid)
-        light, near = radiance.reshape(*shape, 3), nearness.reshape(shape)
+        light, near = found.radiance.reshape(*shape, 3), found.nearness.reshape(shape)
         if self.order is None:
             return records_of(cast.sites, cast.tangents, polar_moments(light, near))
         return radiance_records(cast.sites, cast.tangents, radiance_moments(light, near, self.order))
+
+
+class Sampled(NamedTuple):
+    """Records of K places, now and one frame later, and the number of rays cast. found: by all rays, now or (later_found) then."""
+
+    now: Records
+    later: Records
+    rays: int
+    found: Found
+    later_found: bool
 
 
 class Coarse(NamedTuple):
