@@ -15,7 +15,6 @@ from renderers.methods.ray_records import PILOT_RAYS, warm_up
 from renderers.scene.world import World
 
 if TYPE_CHECKING:
-    from renderers.transport.temporal.held import Held
     from renderers.transport.temporal.motion import Motion
     from renderers.transport.temporal.plane import Draw
     from renderers.transport.temporal.sampling import Ahead, TemporalSampler
@@ -41,7 +40,7 @@ def prepare(world: World, settings: Any) -> None:
 
 
 def samplers_of(
-    world: World, settings: Any, seed: int, counters: Counter[str], order: int | None, held: Held | None = None
+    world: World, settings: Any, seed: int, counters: Counter[str], order: int | None
 ) -> tuple[TemporalSampler, TemporalSampler]:
     """What computes the records of a frame, and what finds the distances that say where they go. order: of radiance records."""
     from renderers.transport.caching.hemisphere import grid_of
@@ -53,19 +52,10 @@ def samplers_of(
     incoming = ReflectedDirectLight(world)
     pilot = TemporalSampler(world, grid_of(PILOT_RAYS), incoming, seed, counters)
     if order is not None:
-        glossy = grid_of(settings.glossy_rays)
-        return TemporalSampler(world, glossy, incoming, seed, counters, settings.sparse, order, held), pilot
+        return TemporalSampler(world, grid_of(settings.glossy_rays), incoming, seed, counters, settings.sparse, order), pilot
     if settings.sampler == "plane":
         return TemporalPlaneSampler(world, side_of(settings.rays), incoming, seed, counters, settings.sparse), pilot
-    return TemporalSampler(world, grid_of(settings.rays), incoming, seed, counters, settings.sparse, held=held), pilot
-
-
-def held_by(settings: Any) -> Held | None:
-    """What keeps hemispheres between renewals, where they are cast rather than drawn."""
-    from renderers.transport.temporal.held import Held
-
-    casts = settings.cache == "temporal" and settings.sampler == "polar" and settings.prediction == "raycast"
-    return Held(settings.hold * 2**20) if casts and settings.hold else None
+    return TemporalSampler(world, grid_of(settings.rays), incoming, seed, counters, settings.sparse), pilot
 
 
 def ahead_of(motion: Motion, sampler: TemporalSampler, settings: Any) -> Ahead | None:

@@ -22,7 +22,6 @@ the light of glossy pixels.
 | sparse        | 4            | 1     | 1 … 64                           | one ray in so many is foreseen where all change      |
 | cache         | temporal     |       | temporal, per-frame, static      | renewed by lifespan, every frame, never              |
 | glossy_rate   | norm         |       | norm, coefficients               | what of a radiance record decides on its life        |
-| hold          | 256          | MiB   | 0 … 65536                        | hemispheres kept, so that renewal costs what changed  |
 | guard         | true         |       |                                  | no foresight where lives stay at one frame           |
 | stagger       | true         |       |                                  | records made together don't expire together          |
 | follow        | true         |       |                                  | places on surfaces that move go with them            |
@@ -43,7 +42,7 @@ from numpy.typing import NDArray
 
 from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
-from renderers.methods.foresight import ahead_of, backend_of, held_by, prepare, samplers_of
+from renderers.methods.foresight import ahead_of, backend_of, prepare, samplers_of
 from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of
 from renderers.scene.model import Scene
 from renderers.scene.world import World
@@ -97,14 +96,6 @@ class TrcSettings(RecordSettings):
     )
     cache: Literal["temporal", "per-frame", "static"] = setting(
         "temporal", "records are renewed by their lifespans, computed in every frame, or kept for ever", source=SOURCE + ".6"
-    )
-    hold: int = setting(
-        256,
-        "memory for hemispheres of live records, so that renewing them costs what changed since; 0, as published: none are kept",
-        unit="MiB",
-        source="luxmeter",
-        ge=0,
-        le=65536,
     )
     guard: bool = setting(True, "places whose records live for one frame are foreseen more and more seldom")
     stagger: bool = setting(True, "first lives are cut, so that records made together don't expire together")
@@ -191,7 +182,7 @@ class _Run:
             curved=settings.lifespan == "chord" and mode == "interpolated",
         )
         self.interpolates = self.policy.foresees and mode == "interpolated" and bool(scene.channels)
-        self.layers = {DIFFUSE: Layer(self.policy, self.interpolates, held_by(settings))}
+        self.layers = {DIFFUSE: Layer(self.policy, self.interpolates)}
         self.motion: Motion | None = None
         self.changed = 0
 
@@ -262,9 +253,6 @@ class _Run:
             self.past = motion_between(self.past.before, world)
         # without foresight nobody asks what comes next
         self.motion = motion_between(world, self.scene.world(frame + 1) if foresees else world)
-        for layer in self.layers.values():
-            if layer.held is not None:
-                layer.held.advance(frame, world, self.past)
         return world
 
     def _gloss(self, world: World) -> Gloss | None:
@@ -281,10 +269,7 @@ class _Run:
             prepare_turns(gloss.order)
             self.order = gloss.order
             policy = replace(self.policy, together=self.settings.glossy_rate == "norm")
-            held = held_by(self.settings)
-            if held is not None:
-                held.advance(self.frame, world, None)
-            self.layers[GLOSSY] = Layer(policy, self.interpolates, held)
+            self.layers[GLOSSY] = Layer(policy, self.interpolates)
         return gloss if gloss.shiny or GLOSSY in self.layers else None
 
     def _stage(self, name: str, context: Context, counters: Counter[str]) -> Stage:
@@ -294,9 +279,7 @@ class _Run:
 
         assert self.motion is not None
         settings, world, glossy = self.settings, self.motion.before, name == GLOSSY
-        sampler, pilot = samplers_of(
-            world, settings, context.seed, counters, self.order if glossy else None, self.layers[name].held
-        )
+        sampler, pilot = samplers_of(world, settings, context.seed, counters, self.order if glossy else None)
         ahead = ahead_of(self.motion, sampler, settings)
         place = glossy_placement_of if glossy else placement_of
         still = self.policy.foresees and self.motion.still

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from renderers.transport.caching.placement import Placement
 from renderers.transport.temporal.cache import Policy, Stage, TemporalCache, cover
-from renderers.transport.temporal.held import Held
 from renderers.transport.temporal.records import Timed, succeeded
 from renderers.transport.temporal.views import Look
 
@@ -52,11 +51,10 @@ class Share:
 
 @dataclass
 class Layer:
-    """A cache. waits: its frames wait for the successors of their records. held: hemispheres kept from frame to frame, if any."""
+    """A cache. waits: its frames wait for the successors of their records."""
 
     policy: Policy
     waits: bool
-    held: Held | None = None
     cache: TemporalCache = field(init=False)
 
     def __post_init__(self) -> None:
@@ -70,8 +68,6 @@ class Layer:
             counters["radiance_records"] += counters["records"] - before
         hand_over(earlier, renewed, stage.frame)
         live = self.cache.live
-        if self.held is not None:
-            self.held.keep(live.place)
         # a record of one frame has no trend to wait for
         return Share(looks, live, (live.life > 1) & self.waits, stage.placement)
 

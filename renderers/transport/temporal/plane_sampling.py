@@ -107,7 +107,7 @@ class PlaneReprojection:
     follows: places on surfaces that move go with them.
     """
 
-    smooth, exact = True, False
+    smooth = True
 
     def __init__(
         self, motion: Motion, sampler: TemporalPlaneSampler, incoming: Incoming, draw: Draw = reprojected, follows: bool = True

@@ -35,11 +35,9 @@ NONE = np.zeros(0, np.int64)
 class RayCast:
     """The next frame's hemispheres, exactly. sampler: any with the grid of the casts."""
 
-    exact = True
-
     def __init__(self, motion: Motion, sampler: TemporalSampler, incoming: Incoming) -> None:
         self._motion, self._sampler, self._incoming = motion, sampler, incoming
-        self._differences = Differences.of([motion], motion.after)
+        self._differences = Differences.of(motion)
         self.smooth = motion.lights
         caster_of(motion.after)  # built here, not in the threads
 
@@ -48,13 +46,13 @@ class RayCast:
         origins, directions, going = rays_later(cast, *departures(self._motion, cast.sites))
         places, rays, found = len(cast.tangents), (origins, directions), cast.found.copy()
         known = going if self._motion.same_topology else np.ones(len(going), bool)
-        states = states_of(self._differences, np.zeros(places, np.int64), rays, found.hits, known)
+        states = states_of(self._differences, rays, found.hits, known)
         numbers = partial(self._sampler.light_numbers, cast=cast)
         return found, update(self._motion.after, self._incoming, rays, places, states, found, numbers)
 
     def changes(self, sites: Sites) -> Mask:
         """See `sampling.Ahead`."""
-        if self._differences.everywhere[0]:
+        if self._differences.everywhere:
             return np.ones(len(sites.position), bool)
         out = np.zeros(len(sites.position), bool)
         out[departing(self._motion, sites)[0]] = True
@@ -99,9 +97,8 @@ def followed(motion: Motion, sampler: TemporalSampler, incoming: Incoming, cast:
     rays, directions = seen.ray[moves], directions.copy()
     towards = position[moves] - origins[rays]
     directions[rays] = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
-    none, differences = np.zeros(len(going), bool), Differences.of([motion], motion.after)
-    group, as_cast = np.zeros(len(places), np.int64), (cast.origins, cast.directions)
-    states = states_of(differences, group, as_cast, found.hits, none)
+    none, as_cast = np.zeros(len(going), bool), (cast.origins, cast.directions)
+    states = states_of(Differences.of(motion), as_cast, found.hits, none)
     states[states > KEPT] = SHADED  # nothing is cast anew but shadow rays
     spent = update(
         motion.after, incoming, (origins, directions), len(places), states, found, partial(sampler.light_numbers, cast=cast)
@@ -123,7 +120,7 @@ class Reprojection:
     surfaces that move go with them.
     """
 
-    smooth, exact = True, False
+    smooth = True
 
     def __init__(
         self, motion: Motion, sampler: TemporalSampler, incoming: Incoming, footprints: int = 1, follows: bool = True

@@ -8,8 +8,6 @@ differences.
 from __future__ import annotations
 
 from collections import Counter
-from functools import partial
-from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -24,16 +22,14 @@ from renderers.transport.caching.records import Records, Sites
 from renderers.transport.raycast import OFFSET, Hits
 from renderers.transport.sampling import frame
 from renderers.transport.seen import Seen, seen_along
-from renderers.transport.temporal.held import Held, poses
 from renderers.transport.temporal.trends import Trends
-from renderers.transport.temporal.updating import Found, states_of, update
+from renderers.transport.temporal.updating import Found
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 LOST = 1 / 3
-NOTHING = Found(Hits.none(0), np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 
 
 class Cast(NamedTuple):
@@ -67,14 +63,10 @@ class Cast(NamedTuple):
 
 
 class Ahead(Protocol):
-    """Foresees hemispheres one frame later. smooth: what changes does so by a little everywhere, as where lights move. exact: what
-    is foreseen is what the rays will find."""
+    """Foresees hemispheres one frame later. smooth: what changes does so by a little everywhere, as where lights move."""
 
     @property
     def smooth(self) -> bool: ...
-
-    @property
-    def exact(self) -> bool: ...
 
     def __call__(self, cast: Cast) -> tuple[Found, int]:
         """What the rays find one frame later, and the number of rays cast. Called from several threads."""
@@ -86,15 +78,14 @@ class Ahead(Protocol):
 class TemporalSampler(PolarSampler):
     """Computes records at places with numbers of their own, and the same records one frame ahead. Counters as `PolarSampler`.
 
-    order: None for irradiance records, 2 at least for radiance records. held: hemispheres kept from frame to frame, if any.
+    order: None for irradiance records, 2 at least for radiance records.
     """
 
     def __init__(
         self, world: World, grid: Grid, incoming: Incoming, seed: int, counters: Counter[str], sparse: int = 1,
-        order: int | None = None, held: Held | None = None,
+        order: int | None = None,
     ) -> None:  # fmt: skip
         super().__init__(world, grid, incoming, seed, counters=counters)
-        self._held = held
         self.order, self.equal_solid_angle = order, order is not None
         self._coarse = (
             coarse(grid, self._fewer(max(4, grid.cells // sparse))) if sparse > 1 else Coarse(grid, np.arange(grid.cells))
@@ -105,53 +96,39 @@ class TemporalSampler(PolarSampler):
 
         tangents (N, 2, 3): axes of the hemispheres, where they aren't those of `sampling.frame`.
         """
-        if not len(places):
-            none = Records.joined([])
-            return none, none
-        tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
-        # places that are sampled and foreseen alike go together
-        kind = np.zeros(len(places), np.int64)
+        size, order = max(1, RAYS_PER_TASK // self.grid.cells), np.arange(len(places))
+        parts = chunks(len(order), size)
         if ahead is not None:
-            kind += ahead.changes(sites)
-        if self._held is not None:
-            kind += 2 * self._held.holds(places, sites, tangents)
-            self._held.differences(self.world)
-        order = np.argsort(kind, kind="stable")
-        starts = np.searchsorted(kind[order], np.arange(5))
-        size = max(1, RAYS_PER_TASK // self.grid.cells)
-        parts = [order[a:b][part] for a, b in pairwise(starts) for part in chunks(b - a, size)]
+            # places that are foreseen alike go together
+            changes = ahead.changes(sites)
+            order, alike = np.argsort(changes, kind="stable"), int(np.count_nonzero(~changes))
+            parts = [
+                *chunks(alike, size),
+                *(slice(alike + part.start, alike + part.stop) for part in chunks(len(order) - alike, size)),
+            ]
 
-        def task(rows: I64) -> Sampled:
-            return self._sampled(sites.rows(rows), places[rows], tangents[rows], bool(kind[rows[0]] >= 2), ahead)
+        def task(part: slice) -> tuple[Records, Records, int]:
+            rows = order[part]
+            cast, rays = self.cast(sites.rows(rows), places[rows], None if tangents is None else tangents[rows])
+            now = self._records(cast, cast.found)
+            if ahead is None:
+                return now, now, rays
+            later, more = self.foreseen(cast, now, ahead)
+            return now, later, rays + more
 
         done = in_threads(task, parts)
-        self.counters["rays"] += sum(each.rays for each in done)
+        self.counters["rays"] += sum(rays for _, _, rays in done)
         self.counters["records"] += len(places)
         self.counters["predictions"] += 0 if ahead is None else len(places)
-        if self._held is not None:
-            for rows, each in zip(parts, done, strict=True):
-                later = self._held.frame + each.later_found
-                self._held.store(later, places[rows].tolist(), poses(sites.rows(rows), tangents[rows]), each.found)
-        back = np.argsort(np.concatenate(parts))
-        return Records.joined([each.now for each in done]).rows(back), Records.joined([each.later for each in done]).rows(back)
+        back = np.argsort(order)
+        return Records.joined([now for now, _, _ in done]).rows(back), Records.joined([later for _, later, _ in done]).rows(back)
 
-    def _sampled(self, sites: Sites, places: I64, tangents: F64, held: bool, ahead: Ahead | None) -> Sampled:
-        """Records of a few places, all held or none."""
-        cast, rays = self.cast(sites, places, tangents, held)
-        now = self._records(cast, cast.found)
-        if ahead is None:
-            return Sampled(now, now, rays, cast.found, False)
-        later, found, more = self.foreseen(cast, now, ahead)
-        return Sampled(now, later, rays + more, cast.found if found is None else found, found is not None)
-
-    def cast(self, sites: Sites, places: I64, tangents: F64 | None = None, held: bool = False) -> tuple[Cast, int]:
-        """The hemispheres of a few places, all held or none, and the number of rays cast. In the calling thread."""
+    def cast(self, sites: Sites, places: I64, tangents: F64 | None = None) -> tuple[Cast, int]:
+        """The hemispheres of a few places, and the number of rays cast. In the calling thread up to RAYS_PER_TASK rays."""
         cells = len(places) * self.grid.cells
         tangents = np.stack(frame(sites.normal), axis=1) if tangents is None else tangents
         random = np.stack([numbers_of(self._seed, int(place)) for place in places])
         origins, directions = self._rays(sites, tangents, random)
-        if held:
-            return self._updated(Cast(sites, tangents, origins, directions, NOTHING, random, np.arange(cells), None), places)
         hits = self._caster.first_hit(origins, directions, self.grid)
         seen = seen_along(self.world, directions, hits)
         found = Found(hits, np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32))
@@ -159,24 +136,15 @@ class TemporalSampler(PolarSampler):
         found.nearness[seen.ray] = 1 / np.maximum(hits.t[seen.ray], OFFSET)
         return Cast(sites, tangents, origins, directions, found, random, np.arange(cells), seen), cells + shadow_rays
 
-    def _updated(self, cast: Cast, places: I64) -> tuple[Cast, int]:
-        """A cast of places that are held, with what its rays find now, and the number of rays cast."""
-        assert self._held is not None
-        rays, cast = (cast.origins, cast.directions), cast._replace(found=self._held.found(places))
-        unknown = np.zeros(len(cast.origins), bool)
-        states = states_of(self._held.differences(self.world), self._held.group(places), rays, cast.found.hits, unknown)
-        numbers = partial(self.light_numbers, cast=cast)
-        return cast, update(self.world, self._incoming, rays, len(places), states, cast.found, numbers)
-
-    def foreseen(self, cast: Cast, now: Records, ahead: Ahead) -> tuple[Records, Found | None, int]:
-        """Records `now` of a cast one frame later, what its rays will find then, if that is known, and the number of rays cast.
+    def foreseen(self, cast: Cast, now: Records, ahead: Ahead) -> tuple[Records, int]:
+        """Records `now` of a cast one frame later, and the number of rays cast.
 
         Where a hemisphere changes as a whole, a coarse part of it is foreseen, and its change is that of the record.
         """
         changes = ahead.changes(cast.sites)
         if len(self._coarse.cells) == self.grid.cells or not changes.any():
             found, rays = ahead(cast)
-            return self._records(cast, found), found if ahead.exact and not changes.any() else None, rays
+            return self._records(cast, found), rays
         trends, order, total = list[Trends](), list[I64](), 0
         for index, grid, cells in (
             (np.flatnonzero(~changes), self.grid, np.arange(self.grid.cells)),
@@ -191,7 +159,7 @@ class TemporalSampler(PolarSampler):
                 trends.append(_certain(Trends.between(first, last, np.ones(len(index))), differences, share))
                 order.append(index)
                 total += rays
-        return Trends.joined(trends).rows(np.argsort(np.concatenate(order))).after(now, np.ones(len(changes))), None, total
+        return Trends.joined(trends).rows(np.argsort(np.concatenate(order))).after(now, np.ones(len(changes))), total
 
     def light_numbers(self, seen: Seen, cast: Cast) -> F64:
         """Random numbers float64 (S, 6) for the lights of hits of a cast's rays."""
@@ -213,16 +181,6 @@ class TemporalSampler(PolarSampler):
         if self.order is None:
             return records_of(cast.sites, cast.tangents, polar_moments(light, near))
         return radiance_records(cast.sites, cast.tangents, radiance_moments(light, near, self.order))
-
-
-class Sampled(NamedTuple):
-    """Records of K places, now and one frame later, and the number of rays cast. found: by all rays, now or (later_found) then."""
-
-    now: Records
-    later: Records
-    rays: int
-    found: Found
-    later_found: bool
 
 
 class Coarse(NamedTuple):

@@ -1,4 +1,4 @@
-"""What rays found, brought from one frame to another: only those are cast anew that may end elsewhere, and only what they hit is
+"""What rays found, brought to the next frame: only those are cast anew that may end elsewhere, and only what they hit is
 shaded anew whose light may have changed.
 
 Cast anew are rays that hit something that moves, and those that touch the bounding box of something that moved. Shaded anew is
@@ -8,7 +8,7 @@ and something moved. The rest keeps its bits, so the price follows what moves, n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numba
@@ -19,7 +19,7 @@ from renderers.scene.world import World
 from renderers.transport.caching.incoming import Incoming
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
 from renderers.transport.seen import Seen, seen_along
-from renderers.transport.temporal.motion import Changes
+from renderers.transport.temporal.motion import Motion
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -45,49 +45,40 @@ class Found(NamedTuple):
 
 
 class Differences(NamedTuple):
-    """What changed between each of G frames and a later one, the same for all, as the kernel reads it.
+    """What changes from one frame to the next, as the kernel reads it.
 
-    moved bool (G, T); boxes float32 (B, 2, 3), those of frame g from first[g] on, first int64 (G + 1,); everywhere bool (G,): light
-    may have changed anywhere; crowded bool (G,): more than MANY boxes. lamps float64 (L, 3): positions, or directions towards
-    those, that are far bool (L,).
+    moved bool (T,), boxes float32 (B, 2, 3): of a `Motion`. everywhere: light may change anywhere; crowded: there are more than
+    MANY boxes. lamps float64 (L, 3): positions, or directions towards those that are far, bool (L,).
     """
 
     moved: NDArray[np.bool_]
     boxes: F32
-    first: I64
-    everywhere: NDArray[np.bool_]
-    crowded: NDArray[np.bool_]
+    everywhere: bool
+    crowded: bool
     lamps: F64
     far: NDArray[np.bool_]
 
     @staticmethod
-    def of(changes: Sequence[Changes], after: World) -> Differences:
-        """Of one frame at least, whose triangles are those of the World `after`."""
-        counts = np.array([len(each.boxes) for each in changes])
-        crowded = counts > MANY
-        everywhere = crowded | [relights_all(each, after) for each in changes]
-        far = np.array([light.kind == "directional" for light in after.lights], bool)
-        lamps = [-light.direction if light.kind == "directional" else light.position for light in after.lights]
-        return Differences(
-            np.stack([each.moved for each in changes]), np.concatenate([each.boxes for each in changes]),
-            np.concatenate([[0], np.cumsum(counts)]), everywhere, crowded, np.array(lamps, np.float64).reshape(-1, 3), far,
-        )  # fmt: skip
+    def of(motion: Motion) -> Differences:
+        """Those of a motion."""
+        lights, crowded = motion.after.lights, len(motion.boxes) > MANY
+        far = np.array([light.kind == "directional" for light in lights], bool)
+        lamps = [-light.direction if light.kind == "directional" else light.position for light in lights]
+        places = np.array(lamps, np.float64).reshape(-1, 3)
+        return Differences(motion.moved, motion.boxes, crowded or _relights_all(motion), crowded, places, far)
 
 
-def relights_all(changes: Changes, after: World) -> bool:
+def _relights_all(motion: Motion) -> bool:
     """Whether the light of any surface may change."""
-    stochastic = len(after.emissive) > 0 or (after.environment is not None and any(after.environment.radiance))
-    moves = stochastic and len(changes.boxes) > 0
-    return changes.lights or changes.materials or not changes.same_topology or moves
+    world = motion.after
+    stochastic = len(world.emissive) > 0 or (world.environment is not None and any(world.environment.radiance))
+    return motion.lights or motion.materials or not motion.same_topology or (stochastic and len(motion.boxes) > 0)
 
 
-def states_of(differences: Differences, group: I64, rays: tuple[F32, F32], hits: Hits, known: NDArray[np.bool_]) -> States:
-    """KEPT, ASKED, SHADED or CAST for each of R rays (origins, directions), which belong to K places in turn.
-
-    group (K,): frame that each place's hits are of; known (R,): rays to be cast in any case.
-    """
+def states_of(differences: Differences, rays: tuple[F32, F32], hits: Hits, known: NDArray[np.bool_]) -> States:
+    """KEPT, ASKED, SHADED or CAST for each of R rays (origins, directions). known (R,): those to be cast in any case."""
     states = known.astype(np.uint8) * np.uint8(CAST)
-    _states(differences, group, *rays, hits.triangle, hits.t, states)
+    _states(differences, *rays, hits.triangle, hits.t, states)
     return states
 
 
@@ -146,54 +137,49 @@ def _apart(states, cells):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True)
-def _states(differences, group, origins, directions, triangle, t, states):  # type: ignore[no-untyped-def]
+def _states(differences, origins, directions, triangle, t, states):  # type: ignore[no-untyped-def]
     """See `states_of`. Hits are taken to lie at origin + t · direction: boxes have a margin."""
-    moved, boxes, first, everywhere, crowded, lamps, far = differences
-    cells = len(states) // len(group)
-    for place in range(len(group)):
-        g = group[place]
-        start, stop = first[g], first[g + 1]
-        for ray in range(place * cells, (place + 1) * cells):
-            if states[ray] == CAST:
-                continue
-            hit = triangle[ray] >= 0
-            if hit and moved[g, triangle[ray]]:
-                states[ray] = CAST
-                continue
-            if crowded[g]:
-                states[ray] = ASKED
-                continue
-            if stop > start:
-                o = origins[ray, 0], origins[ray, 1], origins[ray, 2]
-                d = directions[ray, 0], directions[ray, 1], directions[ray, 2]
-                # what moved away from before a hit would have been the hit
-                if touches(o, d, t[ray] if hit else FAR, boxes, start + 1, stop, 2):
-                    states[ray] = CAST
-                    continue
-            if not hit:
-                continue
-            if everywhere[g]:
+    moved, boxes, everywhere, crowded, lamps, far = differences
+    for ray in range(len(states)):
+        if states[ray] == CAST:
+            continue
+        hit = triangle[ray] >= 0
+        if hit and moved[triangle[ray]]:
+            states[ray] = CAST
+            continue
+        if crowded:
+            states[ray] = ASKED
+            continue
+        o = origins[ray, 0], origins[ray, 1], origins[ray, 2]
+        d = directions[ray, 0], directions[ray, 1], directions[ray, 2]
+        # what moved away from before a hit would have been the hit
+        if touches(o, d, t[ray] if hit else FAR, boxes, 1, 2):
+            states[ray] = CAST
+            continue
+        if not hit:
+            continue
+        if everywhere:
+            states[ray] = SHADED
+            continue
+        p = o[0] + t[ray] * d[0], o[1] + t[ray] * d[1], o[2] + t[ray] * d[2]
+        for lamp in range(len(lamps)):
+            own = 0.0 if far[lamp] else 1.0
+            towards = lamps[lamp, 0] - own * p[0], lamps[lamp, 1] - own * p[1], lamps[lamp, 2] - own * p[2]
+            if touches(p, towards, FAR if far[lamp] else 1.0, boxes, 0, 1):
                 states[ray] = SHADED
-            elif stop > start:
-                p = o[0] + t[ray] * d[0], o[1] + t[ray] * d[1], o[2] + t[ray] * d[2]
-                for lamp in range(len(lamps)):
-                    own = 0.0 if far[lamp] else 1.0
-                    towards = lamps[lamp, 0] - own * p[0], lamps[lamp, 1] - own * p[1], lamps[lamp, 2] - own * p[2]
-                    if touches(p, towards, FAR if far[lamp] else 1.0, boxes, start, stop, 1):
-                        states[ray] = SHADED
-                        break
+                break
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def touches(origin, direction, reach, boxes, start, stop, step):  # type: ignore[no-untyped-def]
-    """Whether origin + s·direction, 0 ≤ s ≤ reach, touches one of the boxes (B, 2, 3) start, start + step, … below stop.
+def touches(origin, direction, reach, boxes, start, step):  # type: ignore[no-untyped-def]
+    """Whether origin + s·direction, 0 ≤ s ≤ reach, touches one of the boxes (B, 2, 3) start, start + step and so on.
 
-    Slabs; along an axis that the direction doesn't follow it is taken to creep by 10⁻³⁰ of its length.
+    Slabs; along an axis that the direction doesn't follow it is taken to creep, so that it leaves a box's high face at once.
     """
     x = 1 / (np.float64(direction[0]) if direction[0] != 0 else CREEP)
     y = 1 / (np.float64(direction[1]) if direction[1] != 0 else CREEP)
     z = 1 / (np.float64(direction[2]) if direction[2] != 0 else CREEP)
-    for b in range(start, stop, step):
+    for b in range(start, len(boxes), step):
         one, other = (boxes[b, 0, 0] - origin[0]) * x, (boxes[b, 1, 0] - origin[0]) * x
         near, far = max(0.0, min(one, other)), min(np.float64(reach), max(one, other))
         one, other = (boxes[b, 0, 1] - origin[1]) * y, (boxes[b, 1, 1] - origin[1]) * y
