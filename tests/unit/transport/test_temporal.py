@@ -12,10 +12,11 @@ from renderers.transport.caching.weights import WEIGHTS, weight
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.temporal.anchors import anchors, carried
 from renderers.transport.temporal.coverage import coverage, needed
-from renderers.transport.temporal.motion import crossing, motion_between
+from renderers.transport.temporal.motion import motion_between
 from renderers.transport.temporal.overlay import overlay
 from renderers.transport.temporal.records import Timed, succeeded
 from renderers.transport.temporal.trends import Trends
+from renderers.transport.temporal.updating import touches
 
 F64 = NDArray[np.float64]
 
@@ -60,16 +61,18 @@ def test_segments_that_cross_boxes() -> None:
     low = rng.uniform(-1, 0.5, (3, 3))
     boxes = np.stack([low, low + rng.uniform(0.1, 0.6, (3, 3))], axis=1).astype(np.float32)
     origin, direction = rng.uniform(-1, 1, (300, 3)), rng.normal(size=(300, 3))
-    out = np.zeros(300, bool)
-    crossing(origin, direction, np.full(300, 0.7), boxes, out)
+    out = np.array([touches(*ray, 0.7, boxes, 0, 1) for ray in zip(origin, direction, strict=True)])
     along = origin[:, None] + direction[:, None] * np.linspace(0, 0.7, 4001)[None, :, None]
     inside = ((along[:, :, None] >= boxes[:, 0]) & (along[:, :, None] <= boxes[:, 1])).all(axis=3).any(axis=(1, 2))
     # a corner may be cut between two of the 4001 points, never the other way round
     assert (out | ~inside).all()
     assert np.mean(out != inside) < 0.01
-    axis_parallel = np.zeros(1, bool)
-    crossing(np.array([[0.0, 5, 0]]), np.array([[1.0, 0, 0]]), np.full(1, 9.0), boxes, axis_parallel)
-    assert not axis_parallel[0]
+    x = np.array([1.0, 0, 0])
+    assert not touches(np.array([0.0, 5, 0]), x, 9.0, boxes, 0, 1)
+    low, high = boxes[0]
+    for side, inside in ((low + 1e-6, True), (high - 1e-6, True), (low - 1e-6, False), (high + 1e-6, False)):  # along a face
+        assert touches(np.array([low[0] - 1, side[1], side[2]]), x, 9.0, boxes, 0, 3) == inside
+    assert not touches(np.array([low[0] - 1, *(low[1:] + 1e-6)]), x, 0.5, boxes, 0, 3)
 
 
 def test_anchors_hold_places_on_their_surface_alone() -> None:
