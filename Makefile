@@ -14,7 +14,7 @@ demo: install  ## two scenes, two methods, one report
 
 test:  ## all tests but the slow ones
 	@scripts/install --tests
-	$(PYTHON) -m pytest
+	nice -n 19 $(PYTHON) scripts/compile_kernels.py & $(PYTHON) -m pytest
 
 slow:  ## the slow tests of the nightly suite
 	@scripts/install --tests

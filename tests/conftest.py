@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import browsers
 import databases
 import pytest
 
 ROOT = Path(__file__).parents[1]
 PLUGINS = ROOT / "tests" / "plugins"
+
+
+def pytest_collection_finish() -> None:
+    """What collection made stays to the end: garbage collections need not search 2,700 tests and the libraries again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)
@@ -57,6 +66,13 @@ def database(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     if request.param == "sqlite":
         return databases.new_file(request.getfixturevalue("sqlite_template"), tmp_path / "queue.sqlite")
     return databases.new_database(request.getfixturevalue("postgres_server"))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Headless Chromium. One a module: a running playwright keeps others from running an event loop in this thread."""
+    with browsers.chromium() as found:
+        yield found
 
 
 @pytest.fixture(scope="session")

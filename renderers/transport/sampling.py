@@ -11,7 +11,6 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from renderers.scene.world import World
 
@@ -45,6 +44,8 @@ def uniform_numbers(count: int, dimensions: int, rng: np.random.Generator, sampl
     """Points in [0, 1)^d, float64 (count, d): independent, or a Sobol' sequence with Owen scrambling (each point is uniform)."""
     if sampler == "uniform":
         return rng.random((count, dimensions))
+    from scipy.stats import qmc  # a third of a second, which most methods need not spend
+
     power = max(count - 1, 0).bit_length()
     points = qmc.Sobol(dimensions, scramble=True, bits=32, rng=rng).random_base2(power)[:count]
     return np.asarray(np.minimum(points, np.nextafter(1.0, 0.0)))

@@ -17,10 +17,11 @@ import httpx
 import pytest
 import workers
 from http_service import HEALTHY, serving
+from waiting import finished
 
 from jobs import EvaluationRequest
 from jobs.errors import StoreError
-from jobs.queue import JobQueue, Status
+from jobs.queue import JobQueue
 from jobs.store import Store
 from jobs.tasks import RenderTask
 from jobs.worker import Worker
@@ -58,18 +59,6 @@ def worker(queue: JobQueue, tmp_path: Path, runner: Any = workers.flat) -> Worke
     """Its lease is short: what the database did not keep is found again within seconds."""
     home = Store(tmp_path / "home")
     return Worker(queue.records.url, queue.artifacts.url, poll_s=0.05, runner=runner, home=home, cron=None, lease_s=2.0)
-
-
-def wait(condition: Callable[[], bool], what: str, seconds: float = 120.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.1)
-
-
-def finished(queue: JobQueue, id: str) -> Status:
-    wait(lambda: queue.status(id).finished is not None, f"{id} did not end")
-    return queue.status(id)
 
 
 def at_the_second_render(do: Callable[[], object]) -> Any:

@@ -17,10 +17,11 @@ from typing import Any
 
 import databases
 import pytest
+from waiting import finished, until
 from workers import Server, Spec, alive
 
 from jobs import EvaluationRequest, MethodRequest, plan
-from jobs.queue import JobQueue, Status
+from jobs.queue import JobQueue
 
 pytestmark = pytest.mark.usefixtures("toy_methods")
 
@@ -94,18 +95,6 @@ def undisturbed(warm_server: Server, tmp_path_factory: pytest.TempPathFactory, s
         return results_of(queue, id)
 
 
-def wait(condition: Callable[[], bool], what: str, seconds: float = 180.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.03)
-
-
-def finished(queue: JobQueue, id: str) -> Status:
-    wait(lambda: queue.status(id).finished is not None, f"{id} did not end")
-    return queue.status(id)
-
-
 def results_of(queue: JobQueue, id: str) -> list[dict[str, Any]]:
     """Results without what differs from run to run."""
     return [result.model_dump(exclude=set(OF_THE_RUN)) for result in queue.results(id)]
@@ -135,7 +124,7 @@ def one_round(server: Server, spec: Spec, label: str, expected: list[dict[str, A
     try:
         id = queue.submit(REQUEST).id
         victim = server.start(replace(spec, label=label))
-        wait(lambda: not alive(victim), f"the worker did not come to {label!r}")
+        until(lambda: not alive(victim), f"the worker did not come to {label!r}")
         assert f"reached {label}" in Path(spec.effects).read_text()
         server.start(spec)
         whole(queue, id, expected)
@@ -154,7 +143,7 @@ def at_most_one_left_over(queue: JobQueue) -> None:
 def submitter_round(server: Server, spec: Spec, label: str, expected: list[dict[str, Any]]) -> None:
     """What a submitter that is killed had accepted is done; what it did not come to accept is accepted when asked again."""
     victim = server.start(replace(spec, label=label, submit=REQUEST.model_dump_json()))
-    wait(lambda: not alive(victim), "the submitter did not end")
+    until(lambda: not alive(victim), "the submitter did not end")
     assert f"reached {label}" in Path(spec.effects).read_text()
     queue = JobQueue(spec.database)
     try:
@@ -234,11 +223,11 @@ def test_a_worker_that_dies_while_it_takes_over_loses_nothing(server: Server, ne
     try:
         id = queue.submit(REQUEST).id
         victim = server.start(replace(shared, label="render before commit"))
-        wait(lambda: not alive(victim), "the worker did not die")
+        until(lambda: not alive(victim), "the worker did not die")
         for name, label in [("second", "takeover before recovery"), ("third", "")]:
             heir = server.start(replace(shared, home=f"{spec.home}-{name}", label=label))
             if label:
-                wait(lambda pid=heir: not alive(pid), "nobody took over")  # type: ignore[misc]
+                until(lambda pid=heir: not alive(pid), "nobody took over")  # type: ignore[misc]
         whole(queue, id, undisturbed)
     finally:
         queue.close()
@@ -250,7 +239,7 @@ def stopped_and_overtaken(server: Server, spec: Spec, label: str, expected: list
     try:
         id = queue.submit(REQUEST).id
         frozen = server.start(replace(spec, label=label, signal=signal.SIGSTOP, lease_s=1.5))
-        wait(lambda: f"reached {label}" in Path(spec.effects).read_text(), "the worker did not stop")
+        until(lambda: f"reached {label}" in Path(spec.effects).read_text(), "the worker did not stop")
         other = server.start(replace(spec, lease_s=1.5))
         whole(queue, id, expected)
         before = queue.results(id)
@@ -279,11 +268,11 @@ def test_a_submitter_stopped_in_the_middle_of_a_transaction(server: Server, new_
         id = queue.submit(REQUEST).id
         more = REQUEST.model_copy(update={"seeds": 2})
         frozen = server.start(replace(spec, label="record half written", signal=signal.SIGSTOP, submit=more.model_dump_json()))
-        wait(lambda: "reached" in Path(spec.effects).read_text(), "the submitter did not stop")
+        until(lambda: "reached" in Path(spec.effects).read_text(), "the submitter did not stop")
         server.start(spec)
         whole(queue, id, undisturbed)
         server.kill(frozen, signal.SIGCONT)
-        wait(lambda: not alive(frozen), "the submitter did not end")
+        until(lambda: not alive(frozen), "the submitter did not end")
         assert finished(queue, plan(more).id).state == "done"
     finally:
         queue.close()

@@ -11,40 +11,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+import workers
 
 import jobs
 from jobs.errors import TaskError
 from jobs.evaluate import Event
-from jobs.process import Limits, run_task
+from jobs.process import Limits
 from jobs.store import Store
 from jobs.tasks import PilotTask, ReferenceTask, RenderTask
-from renderers.images import display_values, read_exr, write_exr
-from reports.folder import Evaluation, ReferenceInfo, read
+from renderers.images import display_values, read_exr
+from reports.folder import Evaluation, read
 
 pytestmark = [pytest.mark.usefixtures("toy_methods"), pytest.mark.gl]
 
 Task = RenderTask | PilotTask | ReferenceTask
-RADIANCE = {"direct": 0.5, "full": 0.75}
 SIZE = (16, 12)
 
 
-def stand_in(task: Task, limits: Limits, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
-    """Renders are real child processes; a reference is a flat image of known radiance with almost no noise, exposure 1."""
-    if not isinstance(task, ReferenceTask):
-        return run_task(task, limits, progress)
-    shape = (task.size[1], task.size[0])
-    mean = np.full((*shape, 3), RADIANCE[task.transport], np.float32)
-    layers = {"mean": mean, "variance": mean * 0 + 1e-12, "luminance_variance": mean[..., 0] * 0 + np.float32(1e-12)}
-    (task.folder / task.image).parent.mkdir(parents=True, exist_ok=True)
-    write_exr(task.folder / task.image, layers, n="16", spp="64")
-    info = ReferenceInfo(
-        id=task.id, scene=task.scene_name, frame=task.frame, transport=task.transport, pixel=task.pixel, noise=1e-6,
-        asked=task.noise, replicates=16, spp=64, seconds=0.1, content_hash="0",
-    )  # fmt: skip
-    return {"info": info.model_dump(), "scene_hash": "box", "exposure": 1.0}
-
-
-def evaluation(folder: Path, runner: Any = stand_in, **changes: Any) -> Evaluation:
+def evaluation(folder: Path, runner: Any = workers.half_real, **changes: Any) -> Evaluation:
     body = {"scenes": ["cornell-box"], "methods": [{"name": "flat"}], "size": SIZE} | changes
     options = jobs.Options(store=Store(folder / "home"), runner=runner)
     return jobs.evaluate(jobs.plan(jobs.EvaluationRequest.model_validate(body)), folder / "out", options)
@@ -74,7 +58,8 @@ def test_errors_are_those_of_the_images(tmp_path: Path) -> None:
         assert (tmp_path / "out" / name).is_file()
 
 
-def test_a_crash_is_the_cells_error_and_the_report_stands(tmp_path: Path) -> None:
+def test_a_crash_is_the_cells_error_and_the_report_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jobs.work.BACK_OFF_S", workers.BACK_OFF_S)
     done = evaluation(tmp_path, methods=[{"name": "flat", "sweep": {"mode": ["good", "abort", "raise"]}}])
     assert [cell.state for cell in done.cells] == ["done", "failed", "failed"]
     errors = [cell.error or "" for cell in done.cells]
@@ -90,7 +75,7 @@ def test_a_failed_reference_fails_the_cells_that_need_it(tmp_path: Path) -> None
     def broken(task: Task, limits: Limits, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
         if isinstance(task, ReferenceTask) and task.transport == "direct":
             raise TaskError("no light")
-        return stand_in(task, limits, progress)
+        return workers.half_real(task, limits, progress)
 
     done = evaluation(tmp_path, broken, methods=[{"name": "flat"}, {"name": "budget"}])
     assert [(cell.method, cell.state) for cell in done.cells] == [("flat", "failed"), ("budget", "done")]
@@ -107,7 +92,7 @@ def test_an_interrupt_cancels_what_is_left_and_reports_the_rest(tmp_path: Path) 
 
     wanted = {"name": "flat", "sweep": {"mode": ["good", "hang"]}}
     request = jobs.EvaluationRequest.model_validate({"scenes": ["cornell-box"], "methods": [wanted], "size": SIZE})
-    options = jobs.Options(store=Store(tmp_path / "home"), runner=stand_in)
+    options = jobs.Options(store=Store(tmp_path / "home"), runner=workers.half_real)
     done = jobs.evaluate(jobs.plan(request), tmp_path / "out", options, interrupt)
     assert [cell.state for cell in done.cells][1] == "cancelled"
     assert (tmp_path / "out" / "index.html").is_file()
@@ -164,7 +149,7 @@ def test_a_report_that_fails_loses_no_result(
         raise ValueError("no ink")
 
     monkeypatch.setattr(reports, "write", broken)
-    monkeypatch.setattr("service.commands._evaluate.Options", lambda **given: jobs.Options(**given, runner=stand_in))
+    monkeypatch.setattr("service.commands._evaluate.Options", lambda **given: jobs.Options(**given, runner=workers.half_real))
     out = tmp_path / "out"
     assert run(["evaluate", "--scene", "cornell-box", "--method", "flat", "--size", "8x6", "--out", str(out)]) == 1
     assert "report: ValueError: no ink" in capsys.readouterr().err

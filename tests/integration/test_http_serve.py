@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import socket
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from service_processes import service
 
 from service.cli import run
 from service.tokens import TokenStore
 
-ROOT = Path(__file__).parents[2]
 ASKED = ["--scene", "corner", "--method", "flat", "--sweep", "flat.level=0.25,0.5", "--size", "8x6", "--noise", "0.5"]
 
 
@@ -32,35 +26,11 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, toy_methods: None) -> 
 @pytest.fixture
 def server(home: Path, tmp_path: Path) -> Iterator[str]:
     """A server process; told to stop, it ends well and takes its worker with it."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    with (tmp_path / "log.txt").open("w") as log:
-        command = [sys.executable, "-m", "service", "serve", "--port", str(port)]
-        process = subprocess.Popen(command, cwd=ROOT, env=dict(os.environ), stderr=log, stdout=log)
-        address = f"http://127.0.0.1:{port}"
-        try:
-            wait_for(lambda: httpx.get(f"{address}/healthz").status_code == 200, process)
-            yield address
-        finally:
-            process.send_signal(signal.SIGTERM)
-            code = process.wait(40)
-    lines = [json.loads(line) for line in (tmp_path / "log.txt").read_text().splitlines()]
-    assert code in (0, 130), lines[-5:]
+    log = tmp_path / "log.txt"
+    with service({"LUXMETER_HOME": str(home)}, log) as address:
+        yield address
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
     assert not [line for line in lines if line["level"] == "error"]
-
-
-def wait_for(ready: Any, process: subprocess.Popen[bytes], seconds: float = 60) -> None:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        assert process.poll() is None, "the server ended"
-        try:
-            if ready():
-                return
-        except httpx.TransportError:
-            pass
-        time.sleep(0.1)
-    raise AssertionError(f"not ready after {seconds} s")
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> Any:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from browsers import watched
 from http_nights import FIRST, SECOND, two_nights
 from http_service import HEALTHY, FakeQueue, serving
 from report_evaluation import make
@@ -21,20 +20,7 @@ from service.http.settings import ServerSettings
 from service.tokens import TokenStore
 
 pytestmark = [pytest.mark.browser, pytest.mark.usefixtures("toy_methods")]
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 PATHS = ("/", "/submit", "/scenes", "/methods", "/methods/flat", "/compare", "/problems", "/login")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as p:
-        found = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield found
-        found.close()
 
 
 @pytest.fixture(scope="module")
@@ -63,24 +49,9 @@ def address(queue: FakeQueue, home: Path, monkeypatch: pytest.MonkeyPatch, toy_m
         yield found
 
 
-@contextmanager
-def watched(browser: Any, address: str) -> Iterator[Any]:
-    """A page on which nothing may go wrong: no script error, nothing that the security policy blocks, nothing from elsewhere."""
-    opened = browser.new_page(base_url=address, viewport={"width": 1280, "height": 900})
-    wrong: list[str] = []
-    opened.on(
-        "console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") and "willReadFrequently" not in m.text else None
-    )
-    opened.on("pageerror", lambda e: wrong.append(str(e)))
-    opened.on("request", lambda r: None if r.url.startswith((address, "data:")) else wrong.append(r.url))
-    yield opened
-    opened.close()
-    assert wrong == []
-
-
 @pytest.fixture
 def page(browser: Any, address: str) -> Iterator[Any]:
-    with watched(browser, address) as opened:
+    with watched(browser, address, base_url=address) as opened:
         yield opened
 
 
@@ -220,7 +191,7 @@ def nights(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_changed_over_night(browser: Any, nights: Path) -> None:
     app = create_app(FakeQueue(), ServerSettings(home=nights, requests_per_s=0, submissions_per_s=0), machine=lambda: HEALTHY)
-    with serving(app) as address, watched(browser, address) as page:
+    with serving(app) as address, watched(browser, address, base_url=address) as page:
         page.goto("/")
         page.click(f"text={SECOND}")
         page.wait_for_selector("table[aria-label=Changes]")

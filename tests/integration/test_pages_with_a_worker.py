@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from browsers import watched
 from service_processes import service
-from test_pages_browser import browser, watched  # noqa: F401  (a fixture)
 
 pytestmark = [pytest.mark.browser, pytest.mark.mitsuba, pytest.mark.usefixtures("toy_methods")]
 # What the cells said whenever they changed, kept over the reload at the end.
@@ -25,8 +25,8 @@ def address(tmp_path: Path, toy_methods: None) -> Iterator[str]:
         yield found
 
 
-def test_from_the_form_to_the_report(browser: object, address: str) -> None:  # noqa: F811
-    with watched(browser, address) as page:
+def test_from_the_form_to_the_report(browser: object, address: str) -> None:
+    with watched(browser, address, base_url=address) as page:
         page.goto("/submit")
         page.check("[name=method][value=flat]")
         page.fill("[id='flat.level']", "0.25, 0.5")

@@ -9,15 +9,13 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import httpx
 import pytest
-from service_processes import free_port, process, wait
+from service_processes import free_port, gone, process, wait
 
 ROOT = Path(__file__).parents[2]
-READY_S = 10.0
 pytestmark = pytest.mark.mitsuba
 
 
@@ -49,34 +47,15 @@ def test_the_readme_submits_and_fetches_a_report(tmp_path: Path) -> None:
             assert httpx.get(f"http://127.0.0.1:{port}/v1/evaluations/{made['id']}").json()["state"] == "done"
         finally:
             os.killpg(shell.pid, signal.SIGTERM)
-            gone(port)
+            gone(f"http://127.0.0.1:{port}")
 
 
-def gone(port: int) -> None:
-    """Wait until the service has ended."""
-    end = time.monotonic() + 40
-    while time.monotonic() < end:
-        try:
-            httpx.get(f"http://127.0.0.1:{port}/healthz")
-        except httpx.TransportError:
-            return
-        time.sleep(0.1)
-    raise AssertionError("the service did not end")
-
-
-def test_a_new_service_is_ready_in_ten_seconds(tmp_path: Path) -> None:
-    """From an empty data folder, with its worker, to the checks of OpenGL and Mitsuba passed."""
+def test_a_new_service_is_ready_without_what_renders(tmp_path: Path) -> None:
+    """From an empty data folder, with its worker, to the checks of OpenGL and Mitsuba passed, in children. The service itself has
+    none of the libraries that take seconds to load; `benchmarks/service.py` says how long it takes."""
     port = free_port()
-    start = time.monotonic()
     with process(["serve", "--port", str(port)], {"LUXMETER_HOME": str(tmp_path / "home")}, tmp_path / "log") as server:
         wait(lambda: httpx.get(f"http://127.0.0.1:{port}/readyz", timeout=30).status_code == 200, 120, server)
-        wall = time.monotonic() - start
-        spent = processor_seconds(server.pid)
-    # Processor seconds of the service and its checks: what it takes on an idle machine, whatever else runs here.
-    assert min(wall, spent) < READY_S
-
-
-def processor_seconds(pid: int) -> float:
-    """Of a process and of those of its children that have ended."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+        mapped = Path(f"/proc/{server.pid}/maps").read_text()
+    assert "python" in mapped
+    assert [name for name in ("mitsuba", "drjit", "llvmlite", "libembree", "libEGL") if name in mapped] == []

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browsers import watched
 from report_evaluation import make
 
 import reports
@@ -17,8 +17,6 @@ from reports.metrics import OVER, UNDECIDED, Pair, over_states, signed_relative_
 
 pytestmark = pytest.mark.browser
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 PROBE = (5, 3)
 
 
@@ -31,30 +29,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as p:
-        found = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield found
-        found.close()
-
-
 @pytest.fixture
 def page(browser: Any, folder: Path) -> Iterator[Any]:
-    opened = browser.new_page(viewport={"width": 1280, "height": 900}, device_scale_factor=1)
-    wrong: list[str] = []
-    # The only console message let through is Chromium's advice about the tests' own getImageData calls.
-    said = lambda m: m.type in ("error", "warning") and "willReadFrequently" not in m.text  # noqa: E731
-    opened.on("console", lambda m: wrong.append(m.text) if said(m) else None)
-    opened.on("pageerror", lambda e: wrong.append(str(e)))
-    opened.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else wrong.append(r.url))
-    opened.goto((folder / "index.html").as_uri())
-    yield opened
-    opened.close()
-    assert wrong == []
+    with watched(browser, "file:", device_scale_factor=1) as opened:
+        opened.goto((folder / "index.html").as_uri())
+        yield opened
 
 
 def open_viewer(page: Any) -> Any:

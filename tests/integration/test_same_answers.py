@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -14,12 +13,11 @@ import pandas as pd
 import pytest
 import workers
 from http_service import HEALTHY, serving
+from waiting import until
 
 import jobs
-from jobs.process import run_task
 from jobs.queue import JobQueue
 from jobs.store import Store
-from jobs.tasks import ReferenceTask
 from jobs.worker import Worker
 from reports.folder import read
 from service.http.app import create_app
@@ -28,11 +26,6 @@ from service.http.settings import ServerSettings
 pytestmark = [pytest.mark.usefixtures("toy_methods"), pytest.mark.gl]
 BODY: dict[str, Any] = {"scenes": ["cornell-box"], "methods": [{"name": "flat", "sweep": {"level": [0.5, 0.25]}}], "size": [16, 12]}
 FICKLE = BODY | {"methods": [{"name": "flat", "settings": {"mode": "fickle"}}]}
-
-
-def runner(task: Any, limits: Any, progress: Any) -> dict[str, Any]:
-    """Renders are real child processes, references stand-ins."""
-    return (workers.flat if isinstance(task, ReferenceTask) else run_task)(task, limits, progress)
 
 
 @pytest.fixture
@@ -46,7 +39,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def evaluate(body: dict[str, Any], folder: Path) -> str:
     """As `luxmeter evaluate` does; the evaluation's id."""
     planned = jobs.plan(jobs.EvaluationRequest.model_validate(body))
-    return jobs.evaluate(planned, folder, jobs.Options(runner=runner)).id
+    return jobs.evaluate(planned, folder, jobs.Options(runner=workers.half_real)).id
 
 
 @contextmanager
@@ -54,7 +47,7 @@ def service(home: Path) -> Iterator[httpx.Client]:
     """The service with its queue and a worker, both on the data folder."""
     with closing(JobQueue()) as queue:
         app = create_app(queue, ServerSettings(home=home), machine=lambda: HEALTHY)
-        worker = Worker(poll_s=0.05, runner=runner, home=Store(home), cron=None)
+        worker = Worker(poll_s=0.05, runner=workers.half_real, home=Store(home), cron=None)
         with worker.working(), serving(app) as address, httpx.Client(base_url=address, timeout=60) as client:
             yield client
 
@@ -63,11 +56,9 @@ def submitted(client: httpx.Client, body: dict[str, Any]) -> dict[str, Any]:
     """Submit and wait for the end; the evaluation."""
     answer = client.post("/v1/evaluations", json=body)
     assert answer.status_code == 202
-    end = time.monotonic() + 120
-    while (found := client.get(answer.headers["location"]).json())["finished"] is None:
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    return dict(found)
+    at = answer.headers["location"]
+    until(lambda: client.get(at).json()["finished"] is not None, f"{at} did not end")
+    return dict(client.get(at).json())
 
 
 def rendered(home: Path) -> int:

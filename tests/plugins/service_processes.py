@@ -7,12 +7,12 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
+from waiting import until
 
 ROOT = Path(__file__).parents[2]
 
@@ -43,16 +43,28 @@ def service(environment: Mapping[str, str], log: Path, *options: str) -> Iterato
 
 def wait(ready: Callable[[], bool], seconds: float, process: subprocess.Popen[bytes] | None = None) -> None:
     """Return once it is ready; an unreachable server isn't yet."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+
+    def answers() -> bool:
         assert process is None or process.poll() is None, "the process ended"
         try:
-            if ready():
-                return
+            return ready()
         except httpx.TransportError:
-            pass
-        time.sleep(0.1)
-    raise AssertionError(f"not within {seconds} s")
+            return False
+
+    until(answers, f"not within {seconds} s", seconds)
+
+
+def gone(address: str) -> None:
+    """Return once nothing answers at the address any more."""
+
+    def silent() -> bool:
+        try:
+            httpx.get(f"{address}/healthz")
+        except httpx.TransportError:
+            return True
+        return False
+
+    until(silent, "the service did not end")
 
 
 def free_port() -> int:

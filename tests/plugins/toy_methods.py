@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -46,7 +47,7 @@ class Flat(Method):
         if settings.mode == "segfault":
             os.kill(os.getpid(), signal.SIGSEGV)
         if settings.mode == "hang":
-            time.sleep(60)
+            threading.Event().wait()  # for ever: who sees an end has ended it
         hoard = [np.ones(2**23, np.uint8) for _ in range(64)] if settings.mode == "grow" else []
         if hoard:
             time.sleep(5)

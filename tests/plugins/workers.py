@@ -20,6 +20,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 RADIANCE = {"direct": 0.5, "full": 0.75}
+BACK_OFF_S = (0.02, 0.05)  # before a crashed child is tried again, in place of seconds
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,14 @@ def flat(task: Any, limits: Any, progress: Any) -> dict[str, Any]:
     return {"frames": len(task.outputs), "key": f"render {key}", "cached": False}
 
 
+def half_real(task: Any, limits: Any, progress: Any) -> dict[str, Any]:
+    """Carry a task out: renders in children as ever, references as above."""
+    from jobs.process import run_task
+    from jobs.tasks import ReferenceTask
+
+    return (flat if isinstance(task, ReferenceTask) else run_task)(task, limits, progress)
+
+
 def stopped() -> Exception:
     """What a child that was told to stop ends with."""
     from jobs.errors import TaskError
@@ -97,11 +106,12 @@ def quick_report(folder: Path) -> Path:
 def run(spec: Spec) -> None:
     """Be the worker."""
     import reports
-    from jobs import points
+    from jobs import points, work
     from jobs.process import run_task
     from jobs.store import Store
 
     reports.write = quick_report
+    work.BACK_OFF_S = BACK_OFF_S
     reached = threading.Lock()
 
     def hook(label: str) -> None:

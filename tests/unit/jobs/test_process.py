@@ -71,10 +71,8 @@ def test_an_abort_names_its_signal(tmp_path: Path) -> None:
 
 
 def test_a_hanging_child_is_killed(tmp_path: Path) -> None:
-    start = time.monotonic()
     with pytest.raises(TaskError, match=r"^took longer than 2 s$"):
         run_task(task(tmp_path, mode="hang"), Limits(wall_s=2), lambda detail: None)
-    assert time.monotonic() - start < 20
 
 
 def test_a_growing_child_is_killed(tmp_path: Path) -> None:
