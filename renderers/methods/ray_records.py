@@ -44,6 +44,12 @@ class RecordSettings(Settings):
     )
     glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
     glossy_rays: int = setting(16384, "rays a radiance record", ge=16, le=65536)
+    glossy_pixels: int | None = setting(
+        None,
+        "fewest pixels that a radiance record is made for: fewer are traced, glossy_rays / 2 glossy_pixels rays each; 1: none are;"
+        " empty: as many as their lobes' share of the hemisphere is contained in it",
+        source="luxmeter", ge=1, le=65536,
+    )  # fmt: skip
     harmonics: int | None = setting(
         None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
     )
