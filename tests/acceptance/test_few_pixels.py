@@ -16,7 +16,7 @@ from renderers.transport.caching.radiance import RadianceSampler
 from renderers.transport.caching.records import Sites
 from renderers.transport.caching.reflectance import Lobes, Shape, gloss_of, lobe_table
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.traced import traced_alone, traced_lobes
+from renderers.transport.caching.traced import PIXELS_PER_DRAW, numbers_of_pixels, traced_alone, traced_lobes
 from renderers.transport.direct import receivers_of
 from renderers.transport.primary import cast_gbuffer
 
@@ -102,6 +102,15 @@ def test_pixels_alone_show_what_records_there_would(material: Material) -> None:
     by_records = np.einsum("pci,pic->pc", Lobes(world, gbuffer, rows, gloss)(slice(0, len(rows))), records.coefficients)
     traced = traced_alone(world, gbuffer, rows, np.full(len(rows), 1.0), 18432, incoming)
     assert np.sqrt(np.mean((traced - by_records) ** 2)) <= 0.05 * by_records.mean()
+
+
+def test_a_pixel_has_its_own_numbers_whichever_others_are_asked_for() -> None:
+    whole = numbers_of_pixels(3, "lobes", np.arange(3 * PIXELS_PER_DRAW))
+    some = np.array([0, 7, PIXELS_PER_DRAW - 1, PIXELS_PER_DRAW, 2 * PIXELS_PER_DRAW + 5])
+    np.testing.assert_array_equal(numbers_of_pixels(3, "lobes", some), whole[some])
+    assert len(np.unique(whole)) > 0.999 * whole.size
+    assert (numbers_of_pixels(4, "lobes", some) != whole[some]).all()
+    assert numbers_of_pixels(3, "lobes", some[:0]).shape == (0, 9)
 
 
 def test_a_traced_pixel_does_not_depend_on_which_others_are() -> None:

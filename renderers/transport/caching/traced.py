@@ -34,6 +34,7 @@ from renderers.transport.threads import chunks, in_threads
 F64 = NDArray[np.float64]
 Towards = Callable[[Materials, F64, F64, F64], tuple[F64, F64]]
 RAYS_PER_TASK = 1 << 15
+PIXELS_PER_DRAW = 1 << 14
 LOBE = 2 / 3
 GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -80,14 +81,14 @@ class _Pixels:
 
     def __init__(self, world: World, gbuffer: GBuffer, rows: NDArray[np.intp], incoming: Incoming, seed: int) -> None:
         self.world, self.incoming, self.rows = world, incoming, rows
-        self.receivers, self.count, self._seed = receivers_of(world, gbuffer, rows), gbuffer.triangle.size, seed
+        self.receivers, self._seed = receivers_of(world, gbuffer, rows), seed
         view = gbuffer.eye - self.receivers.position
         self.view = view / np.maximum(np.linalg.norm(view, axis=1, keepdims=True), 1e-12)
         self.materials = materials_at(world.materials, gbuffer.material.ravel()[rows], gbuffer.base.reshape(-1, 3)[rows])
 
     def traced(self, towards: Towards, rays: int, name: str, counters: Counter[str] | None) -> F64:
         """Radiance (P, 3) that comes by so many rays each, `towards` directions of its choice; name: of their random numbers."""
-        shifts, points = generator(self._seed, name).random((self.count, 9))[self.rows], directions_and_lights(rays)
+        shifts, points = numbers_of_pixels(self._seed, name, self.rows), directions_and_lights(rays)
 
         def task(part: slice) -> tuple[F64, int]:
             numbers = (points[None] + shifts[part, None]) % 1.0
@@ -112,6 +113,15 @@ class _Pixels:
         light = np.zeros((count, 3))
         np.add.at(light, pixel[live[seen.ray]] - part.start, weight[live[seen.ray]] * radiance)
         return light / rays, len(live) + shadow_rays
+
+
+def numbers_of_pixels(seed: int, name: str, rows: NDArray[np.intp]) -> F64:
+    """Random numbers (P, 9) of pixels (flat indices, ascending): each has its own, whichever others are asked for."""
+    stream, found = generator(seed, name), np.empty((len(rows), 9))
+    for part in chunks(int(rows[-1]) + 1 if len(rows) else 0, PIXELS_PER_DRAW):
+        here = slice(*np.searchsorted(rows, (part.start, part.stop)))
+        found[here] = stream.random((PIXELS_PER_DRAW, 9))[rows[here] - part.start]
+    return found
 
 
 def directions_and_lights(rays: int) -> F64:
