@@ -60,6 +60,7 @@ from renderers.methods.ray_records import (
     chosen_placement,
     glossy_placement_of,
     placement_of,
+    price_of,
     warm_up,
 )
 from renderers.scene.model import Scene
@@ -192,7 +193,7 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
     )
     gloss = gloss_of(world, settings.harmonics, settings.sharp == "truncated") if settings.glossy == "records" else None
     if gloss is None or not gloss.shiny:
-        return Passes(world, diffuse, None, None, settings.lobe_rays, settings.glossy_rays, incoming)
+        return Passes(world, diffuse, None, None, settings.lobe_rays, incoming)
     radiance = None
     if gloss.order:
         with context.watch("warm-up", "prepare"):
@@ -200,9 +201,9 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
 
             prepare_turns(gloss.order)
         how = glossy_placement_of(world, height, settings, seed)
-        few = settings.glossy_pixels
-        radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records, splat, few)
-    return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, settings.glossy_rays, incoming)
+        price, compute = price_of(settings), sampler_of_order(gloss.order)
+        radiance = RadianceCache(world, gloss, price, compute, pilot, how, settings.records, splat)
+    return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
 
 
 def samplers_of(

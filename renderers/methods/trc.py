@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
 from renderers.methods.foresight import ahead_of, backend_of, prepare, samplers_of
-from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of
+from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of, price_of
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -201,7 +201,7 @@ class _Run:
             gloss = self._gloss(world)
         with watch("gbuffer"):
             gbuffers = gbuffers_of(world, context.size, settings.subpixels)
-            looks = [looks_of(world, gbuffer, gloss, settings.glossy_pixels) for gbuffer in gbuffers]
+            looks = [looks_of(world, gbuffer, gloss, price_of(settings)) for gbuffer in gbuffers]
         with watch("direct"):
             direct = direct_of(world, gbuffers, settings.light_samples, context.seed, counters)
         with watch("lobes"):
@@ -213,7 +213,7 @@ class _Run:
                 stage = self._stage(name, context, counters)
                 shares[name] = layer.share(stage, [look[name] for look in looks], earlier, counters)
         with watch("lobes"):
-            alone = alone_of(world, gbuffers, looks, gloss, settings, context.seed, counters)
+            alone = alone_of(world, gbuffers, looks, gloss, price_of(settings), context.seed, counters)
         return Pending(context, shares, direct, traced, alone, counters, world.camera, gbuffers[0].position, gloss)
 
     def look_ahead(self, context: Context, waiting: Sequence[Pending]) -> None:
@@ -291,9 +291,8 @@ class _Run:
     def _looks(self, world: World, size: tuple[int, int], name: str) -> list[Look]:
         from renderers.transport.temporal.views import gbuffers_of, looks_of
 
-        gloss, settings = self._gloss(world), self.settings
-        views = gbuffers_of(world, size, settings.subpixels)
-        return [looks_of(world, gbuffer, gloss, settings.glossy_pixels)[name] for gbuffer in views]
+        gloss, price = self._gloss(world), price_of(self.settings)
+        return [looks_of(world, gbuffer, gloss, price)[name] for gbuffer in gbuffers_of(world, size, self.settings.subpixels)]
 
 
 register(TemporalRadianceCaching)

@@ -16,12 +16,12 @@ from renderers.transport.caching.radiance import RadianceSampler
 from renderers.transport.caching.records import Sites
 from renderers.transport.caching.reflectance import Lobes, Shape, gloss_of, lobe_table
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.traced import PIXELS_PER_DRAW, numbers_of_pixels, traced_alone, traced_lobes
+from renderers.transport.caching.traced import LEAST, PIXELS_PER_DRAW, Price, few_at, numbers_of_pixels, traced_alone, traced_lobes
 from renderers.transport.direct import receivers_of
 from renderers.transport.primary import cast_gbuffer
 
 SIZE = (24, 18)
-COARSE = {"rays": 128, "a": 0.4, "glossy_rays": 256, "glossy_a": 0.4, "lobe_rays": 8}
+COARSE = {"rays": 128, "a": 0.4, "glossy_rays": 256, "glossy_a": 0.4, "glossy_pixels": 4, "lobe_rays": 8}
 
 
 @pytest.fixture(autouse=True)
@@ -91,6 +91,19 @@ def test_the_share_of_the_hemisphere_that_a_lobe_fills(shape: Shape, share: floa
         assert table.fill == pytest.approx(share, rel=0.1)
 
 
+def test_how_few_pixels_a_record_is_made_for() -> None:
+    """Half as many as a hemisphere holds of a lobe, unless that leaves fewer than LEAST rays a pixel; or what is asked for."""
+    world = load_scene("cornell-glossy").world()
+    gbuffer, gloss = cast_gbuffer(world, SIZE), gloss_of(world)
+    rows = np.flatnonzero(gloss.cached(gbuffer))
+    table = lobe_table(Shape(PHONG, 20.0), 9)
+    assert table is not None
+    expected = {Price(65536, None): 0.5 / table.fill, Price(4096, None): 0.5 * 4096 / LEAST, Price(4096, 7): 7}
+    for price, few in expected.items():
+        np.testing.assert_allclose(few_at(gloss, gbuffer, rows, price), few, rtol=1e-12)
+    assert 5 < 0.5 / table.fill < 7
+
+
 @pytest.mark.parametrize("material", [Phong("p", (0.4,) * 3, (0.4,) * 3, 20.0), GGX("g", (0.8, 0.6, 0.5), 0.3, 0.7)])
 def test_pixels_alone_show_what_records_there_would(material: Material) -> None:
     """All terms, by 6144 rays along the lobe and 3072 by the cosine, against records at these pixels: 5 % apart (RMS over mean)."""
@@ -100,7 +113,7 @@ def test_pixels_alone_show_what_records_there_would(material: Material) -> None:
     records = RadianceSampler(world, Grid(100, 314), incoming, gloss.order)(Sites(*receivers_of(world, gbuffer, rows)))
     assert records.coefficients is not None
     by_records = np.einsum("pci,pic->pc", Lobes(world, gbuffer, rows, gloss)(slice(0, len(rows))), records.coefficients)
-    traced = traced_alone(world, gbuffer, rows, np.full(len(rows), 1.0), 18432, incoming)
+    traced = traced_alone(world, gbuffer, rows, gloss, Price(18432, 1), incoming)
     assert np.sqrt(np.mean((traced - by_records) ** 2)) <= 0.05 * by_records.mean()
 
 
@@ -122,9 +135,9 @@ def test_a_traced_pixel_does_not_depend_on_which_others_are() -> None:
 
 
 def test_small_glossy_things_get_no_records() -> None:
-    """By the counters: none, records alone, and by default both, with fewer rays than records alone take."""
+    """By the counters: none, records alone, and both, with fewer rays than records alone take."""
     scene, rcs = load_scene("bouncing-spheres"), get_method("rcs")
-    none, alone, both = (rcs.render(scene, rcs.Settings(**COARSE, glossy_pixels=p), size=SIZE) for p in (65536, 1, None))
+    none, alone, both = (rcs.render(scene, rcs.Settings(**{**COARSE, "glossy_pixels": p}), size=SIZE) for p in (65536, 1, 4))
     shiny = int(gloss_of(scene.world()).cached(cast_gbuffer(scene.world(), SIZE)).sum())
     assert none.counters["radiance_records"] == 0
     assert none.counters["pixels_alone"] == shiny

@@ -290,9 +290,7 @@ def test_mirror_like_lobes_are_traced_with_a_notice() -> None:
     assert "radiance_records" not in frame_.counters
     assert "too sharp" in frame_.notes[0]
     cut = METHOD.render(
-        with_walls(Phong("p", (0.2,) * 3, (0.6,) * 3, 60.0)),
-        RcsSettings(rays=64, glossy_rays=64, glossy_pixels=1, sharp="truncated"),
-        size=(16, 12),
+        with_walls(Phong("p", (0.2,) * 3, (0.6,) * 3, 60.0)), RcsSettings(rays=64, glossy_rays=64, sharp="truncated"), size=(16, 12)
     )
     assert cut.counters["radiance_records"] > 0
     assert "ring" in cut.notes[0]

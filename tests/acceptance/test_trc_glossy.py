@@ -28,7 +28,7 @@ from renderers.transport.temporal.trends import Trends
 F64 = NDArray[np.float64]
 METHOD = TemporalRadianceCaching()
 SIZE = (24, 18)
-COARSE = {"rays": 128, "a": 0.4, "glossy_rays": 256, "glossy_a": 0.4, "glossy_pixels": 1, "lobe_rays": 8}
+COARSE = {"rays": 128, "a": 0.4, "glossy_rays": 256, "glossy_a": 0.4, "lobe_rays": 8}
 ORDER = 4
 
 

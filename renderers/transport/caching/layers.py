@@ -22,7 +22,7 @@ from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.reflectance import Gloss, Lobes, stand_in_albedo
 from renderers.transport.caching.sight import in_sight
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.traced import notes_on_lobes, traced_alone, traced_lobes
+from renderers.transport.caching.traced import Price, few_at, notes_on_lobes, traced_alone, traced_lobes
 from renderers.transport.direct import receivers_of
 from renderers.transport.raycast import caster_of
 
@@ -79,19 +79,18 @@ class IrradianceCache:
 
 
 class RadianceCache(IrradianceCache):
-    """Radiance records of a World's glossy surfaces, of the order of `gloss`. fewest: pixels that one is made for; None:
-    by their lobes."""
+    """Radiance records of a World's glossy surfaces, of the order of `gloss`."""
 
     def __init__(
-        self, world: World, gloss: Gloss, compute: Compute, distances: Distances, placement: Placement, most: int | None = None,
-        splat: Splat | None = None, fewest: int | None = None,
+        self, world: World, gloss: Gloss, price: Price, compute: Compute, distances: Distances, placement: Placement,
+        most: int | None = None, splat: Splat | None = None,
     ) -> None:  # fmt: skip
         super().__init__(world, compute, distances, placement, most, splat)
-        self.gloss, self._fewest = gloss, fewest
+        self.gloss, self.price = gloss, price
 
     def few(self, gbuffer: GBuffer, rows: NDArray[np.intp]) -> F64:
         """See `IrradianceCache.few`."""
-        return self.gloss.few(gbuffer, rows, self._fewest)
+        return few_at(self.gloss, gbuffer, rows, self.price)
 
     def glossy_light(self, gbuffer: GBuffer, watch: Stopwatch, counters: Counter[str]) -> tuple[F64, NDArray[np.intp]]:
         """Reflected radiance (H·W, 3) of the pixels that `gloss` caches, 0 elsewhere; and those (flat indices) too few for it."""
@@ -105,7 +104,7 @@ class RadianceCache(IrradianceCache):
 
 class Passes:
     """Indirect light of all pixels. gloss: None where glossy surfaces count as diffuse ones of the same mean albedo. lobe_rays:
-    of a pixel whose lobe no record holds; glossy_rays: of a radiance record."""
+    of a pixel whose lobe no record holds."""
 
     def __init__(
         self,
@@ -114,11 +113,10 @@ class Passes:
         glossy: RadianceCache | None,
         gloss: Gloss | None,
         lobe_rays: int,
-        glossy_rays: int,
         incoming: Incoming,
     ) -> None:
         self.world, self.diffuse, self.glossy, self.gloss = world, diffuse, glossy, gloss
-        self._rays, self._glossy_rays, self._incoming = lobe_rays, glossy_rays, incoming
+        self._rays, self._incoming = lobe_rays, incoming
         self._traced = 0
 
     def light(self, gbuffer: GBuffer, seed: int, watch: Stopwatch, counters: Counter[str]) -> F64:
@@ -132,7 +130,7 @@ class Passes:
             image += light
             counters["radiance_records"] += len(self.glossy.records) - before
             with watch("lobes"):
-                how = self.glossy.few(gbuffer, alone), self._glossy_rays, self._incoming
+                how = self.gloss, self.glossy.price, self._incoming
                 image[alone] += traced_alone(self.world, gbuffer, alone, *how, seed, counters)
         rows = np.flatnonzero(self.gloss.traced(gbuffer))
         if len(rows):

@@ -155,16 +155,6 @@ class Gloss(NamedTuple):
         shape, _ = self._pixels(gbuffer)
         return np.asarray((shape == SHARP) | (shape >= 0)) & ~self.cached(gbuffer)
 
-    def few(self, gbuffer: GBuffer, rows: NDArray[np.intp], given: int | None = None) -> F64:
-        """Fewest pixels that a radiance record is made for, at cached pixels (flat indices), (P,); given: that number.
-
-        Of a record's rays the share `fill` meets a lobe. As many for each pixel leave no more noise, and each costs about two of a
-        record's: so many pixels are as dear as one record. See `traced`.
-        """
-        if given is not None:
-            return np.full(len(rows), float(given))
-        return np.asarray(0.5 / self.fill[self.shape[gbuffer.material.ravel()[rows]]])
-
     def diffuse(self, world: World, gbuffer: GBuffer) -> F64:
         """Albedo float64 (H, W, 3) of what irradiance records are to give: diffuse surfaces, diffuse terms of traced ones."""
         shape, cosine = self._pixels(gbuffer)

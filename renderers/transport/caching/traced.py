@@ -4,7 +4,7 @@
 
 Of lobes too sharp for any record only these are traced: the diffuse term of such a surface is smooth and comes from irradiance
 records. Glossy pixels too few for a radiance record of N rays, fewer than P, are traced with all their terms, by N/2P rays each: a
-traced ray costs about two of a record's (`Gloss.few`). LOBE of them go along the lobe, the others by the cosine.
+traced ray costs about two of a record's (`few_at`). LOBE of them go along the lobe, the others by the cosine.
 
 Directions are a Fibonacci lattice in the square that a lobe is the image of, moved at random pixel by pixel, by the same numbers in
 every frame and whichever other pixels are traced. Against one of nine dimensions, which serves lights too, it has an eighth
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ Towards = Callable[[Materials, F64, F64, F64], tuple[F64, F64]]
 RAYS_PER_TASK = 1 << 15
 PIXELS_PER_DRAW = 1 << 14
 LOBE = 2 / 3
+LEAST = 1024  # error of a twentieth on small glossy things, half of what interpolation and truncation leave beside them
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
@@ -52,23 +54,41 @@ def traced_lobes(
     return _Pixels(world, gbuffer, rows, incoming, seed).traced(_of_lobes, rays, "lobes", counters)
 
 
+class Price(NamedTuple):
+    """What a radiance record costs. rays: its own; fewest: pixels that one is made for, None: by their lobes, see `few_at`."""
+
+    rays: int
+    fewest: int | None
+
+
+def few_at(gloss: Gloss, gbuffer: GBuffer, rows: NDArray[np.intp], price: Price) -> F64:
+    """Fewest pixels that a radiance record is made for, at cached pixels (flat indices): P, (P,).
+
+    Of a record's rays the share `LobeTable.fill` meets a lobe. As many for each pixel, but LEAST at least, leave no more noise;
+    each costs about two of a record's, so that P pixels by N/2P rays are as dear as one record by N.
+    """
+    if price.fewest is not None:
+        return np.full(len(rows), float(price.fewest))
+    return np.minimum(0.5 / gloss.fill[gloss.shape[gbuffer.material.ravel()[rows]]], 0.5 * price.rays / LEAST)
+
+
 def traced_alone(
     world: World,
     gbuffer: GBuffer,
     rows: NDArray[np.intp],
-    few: F64,
-    rays: int,
+    gloss: Gloss,
+    price: Price,
     incoming: Incoming,
     seed: int = 0,
     counters: Counter[str] | None = None,
 ) -> F64:
-    """Radiance float64 (P, 3) that glossy pixels (flat indices) reflect, all terms; few (P,): pixels that a record of so many rays
-    is made for at least. counters: `lobe_rays` and `pixels_alone` are added to."""
-    light = np.zeros((len(rows), 3))
+    """Radiance float64 (P, 3) that cached pixels (flat indices, ascending) reflect, all terms, in place of a record of that price;
+    counters: `lobe_rays` and `pixels_alone` are added to."""
+    light, few = np.zeros((len(rows), 3)), few_at(gloss, gbuffer, rows, price)
     for number in np.unique(few):
         index = np.flatnonzero(few == number)
         pixels = _Pixels(world, gbuffer, rows[index], incoming, seed)
-        share = rays / (2 * number)
+        share = price.rays / (2 * number)
         light[index] = pixels.traced(_of_lobes, max(1, round(LOBE * share)), "lobes", counters)
         light[index] += pixels.traced(_of_diffuse_terms, max(1, round((1 - LOBE) * share)), "diffuse terms", counters)
     if counters is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from renderers.transport.caching.placement import Placement
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.reflectance import Gloss, Lobes, stand_in_albedo
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.traced import traced_alone, traced_lobes
+from renderers.transport.caching.traced import Price, few_at, traced_alone, traced_lobes
 from renderers.transport.direct import direct, emitted, receivers_of
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.temporal.cache import View
@@ -49,15 +49,15 @@ class Look(NamedTuple):
         return np.asarray(self.view.canvas.irradiance * self.albedo / np.pi)
 
 
-def looks_of(world: World, gbuffer: GBuffer, gloss: Gloss | None, fewest: int | None = None) -> dict[str, Look]:
-    """Diffuse and glossy pixels of a view; gloss: None where glossy surfaces count as diffuse ones of the same mean albedo. fewest:
-    pixels that a radiance record is made for; None: by their lobes."""
+def looks_of(world: World, gbuffer: GBuffer, gloss: Gloss | None, price: Price) -> dict[str, Look]:
+    """Diffuse and glossy pixels of a view; gloss: None where glossy surfaces count as diffuse ones of the same mean albedo; price:
+    of radiance records."""
     albedo = stand_in_albedo(world, gbuffer) if gloss is None else gloss.diffuse(world, gbuffer)
     canvas = Canvas.of(gbuffer, albedo.max(axis=2) > 0)
     found = {DIFFUSE: Look(_view(world, gbuffer, canvas), albedo.reshape(-1, 3)[canvas.rows], None)}
     if gloss is not None:
         canvas = Canvas.of(gbuffer, gloss.cached(gbuffer))
-        canvas.few = gloss.few(gbuffer, canvas.rows, fewest)
+        canvas.few = few_at(gloss, gbuffer, canvas.rows, price)
         found[GLOSSY] = Look(_view(world, gbuffer, canvas), None, Lobes(world, gbuffer, canvas.rows, gloss))
     return found
 
@@ -100,7 +100,7 @@ def traced_of(
 
 
 def alone_of(
-    world: World, gbuffers: Sequence[GBuffer], looks: Sequence[Mapping[str, Look]], gloss: Gloss | None, settings: Any, seed: int,
+    world: World, gbuffers: Sequence[GBuffer], looks: Sequence[Mapping[str, Look]], gloss: Gloss | None, price: Price, seed: int,
     counters: Counter[str],
 ) -> list[Traced]:  # fmt: skip
     """Glossy pixels of each view that were too few for a record, traced; counters: `lobe_rays`, `pixels_alone` grow."""
@@ -109,8 +109,8 @@ def alone_of(
         rows, light = np.zeros(0, np.intp), np.zeros((0, 3))
         if gloss is not None:
             rows = look[GLOSSY].view.canvas.alone
-            few, incoming = gloss.few(gbuffer, rows, settings.glossy_pixels), ReflectedDirectLight(world)
-            light = traced_alone(world, gbuffer, rows, few, settings.glossy_rays, incoming, seed + (index << 32), counters)
+            incoming = ReflectedDirectLight(world)
+            light = traced_alone(world, gbuffer, rows, gloss, price, incoming, seed + (index << 32), counters)
         found.append(Traced(rows, light))
     return found
 

@@ -18,12 +18,11 @@ from renderers.transport.temporal.records import Timed
 def priced(canvases: Iterable[Canvas], live: Timed, longest: int, still: bool) -> float:
     """Divide `few` of canvases by the frames that a new record will serve, given the live ones; still: nothing changes for now.
 
-    Returns the least that is left, 0 without pixels. The mean is one over records made, not over live ones, among which those that
-    live longer are more.
+    Returns the least that is left, 0 without pixels.
     """
     lives = float(longest) if still else 1.0
     if len(live) and not still:
-        lives = len(live) / float(np.sum(1 / live.life))
+        lives = float(live.life.mean())
     least = np.inf
     for canvas in canvases:
         canvas.few = canvas.few / lives
