@@ -93,11 +93,12 @@ def test_a_single_coefficient_counts_by_its_share_of_the_function() -> None:
 
 
 def test_black_radiance_has_a_floor() -> None:
-    black, lit = carrying(np.zeros((1, 9, 3))), carrying(np.full((1, 9, 3), 0.5))
+    black, dim, lit = (carrying(np.full((1, 9, 3), value)) for value in (0.0, 1e-9, 0.5))
     least = dark_level(Records.joined([black, lit]))
     for together in (True, False):
         assert change_rate(black, black, least, together) == 0
         assert change_rate(black, lit, least, together) > 100
+        assert change_rate(dim, black, least, together) < 1e-4
 
 
 def waves(x: F64, y: F64, t: float) -> dict[str, F64]:
