@@ -11,10 +11,10 @@ three are left out unless asked for. `static` never renews a record: ghosts as b
 indirect light on glossy surfaces as such, caches and the truth as on diffuse ones (`glossy=diffuse`), so their errors mean
 something in diffuse scenes only. Glossy records: benchmarks/trc_glossy.py.
 
-Errors are of indirect light, relative to its mean, against a hemisphere at every pixel (`jobs.claims.trc_runs`), in the frames
-that --references names; by default two windows of ten frames. Flicker is the RMS change of the error from frame to frame, of pixels
-that see the same object in both, jump its maximum; ghost the mean signed error where a moving object hid the surface in one of the
-last eight frames.
+Errors are of indirect light, relative to its mean, against two independent hemispheres at every pixel, whose noise is taken out
+(`jobs.claims.trc_runs`), in the frames that --references names; by default two windows of ten frames. Flicker is the RMS change of
+the error from frame to frame, of pixels that see the same object in both, without that noise too; jump its maximum, with it; ghost
+the mean signed error where a moving object hid the surface in one of the last eight frames.
 Times are of the render stage; first hits, direct light and the search for what moves included.
 
 Writes SCENE.csv (a row for each frame), SCENE_summary.csv (a row for each run) and SCENE.png, and prints the summary.
@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderers
-from jobs.claims.trc_runs import Ask, FrameErrors, Run, Truth, frame_errors, over_all, runs_of, truth_of
+from jobs.claims.trc_runs import Ask, FrameErrors, Run, Truth, frame_errors, root_mean, runs_of, truth_of
 from jobs.claims.trc_tables import CASES, RAYS, SIZE, A
 from jobs.request import ReferenceFrames
 from service import parse
@@ -148,6 +148,7 @@ def windows(first: int, last: int) -> dict[str, Any]:
 def report(study: Study, names: Sequence[str], out: Path) -> None:
     """Render, print, write files and plot."""
     asks, runs = study.rendered(names)
+    print(f"{study.name}: noise of the truth {study.truth.noise:.4f}", flush=True)
     errors = {name: frame_errors(run.indirect, study.truth) for name, run in runs.items()}
     rows: list[Summary] = []
     for name, ask in asks.items():
@@ -165,16 +166,16 @@ def report(study: Study, names: Sequence[str], out: Path) -> None:
 def summary(study: Study, name: str, settings: str, runs: dict[str, Run], errors: dict[str, FrameErrors]) -> Summary:
     """One row."""
     run, found, plain, base = runs[name], errors[name], runs["per-frame"], errors["per-frame"]
-    worst = int(np.argmax(found.rmse))
+    worst = int(np.argmax(found.error))
     ghosts = found.ghost[~np.isnan(found.ghost)]
     return Summary(
         study.name, name, settings, run.cpu.sum(), run.wall.sum(), run.rays.sum(), run.records.sum(), run.alive.mean(),
-        over_all(found.rmse), found.rmse[worst], study.truth.frames[worst], over_all(found.flicker),
+        root_mean(found.error), found.rmse[worst], study.truth.frames[worst], root_mean(found.change),
         float(np.nanmax(found.jump, initial=0)), float(ghosts.mean()) if len(ghosts) else 0.0,
         float(ghosts[np.argmax(np.abs(ghosts))]) if len(ghosts) else 0.0, _ratio(plain.cpu.sum(), run.cpu.sum()),
         _ratio(plain.cpu[1:-1].sum(), run.cpu[1:-1].sum()), _ratio(plain.wall.sum(), run.wall.sum()),
         _ratio(plain.rays.sum(), run.rays.sum()), _ratio(plain.records.sum(), run.records.sum()),
-        _ratio(over_all(base.flicker), over_all(found.flicker)), _ratio(over_all(found.rmse), over_all(base.rmse)),
+        _ratio(root_mean(base.change), root_mean(found.change)), _ratio(root_mean(found.error), root_mean(base.error)),
     )  # fmt: skip
 
 
@@ -188,16 +189,18 @@ def _short(value: object) -> object:
 
 def write_frames(study: Study, runs: dict[str, Run], errors: dict[str, FrameErrors], path: Path) -> None:
     """A row for each run and frame; no error where there is no truth."""
+    names = "rmse", "flicker", "jump", "ghost"
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["run", "frame", "cpu_s", "wall_s", "rays", "records", "alive", *FrameErrors._fields])
+        writer.writerow(["run", "frame", "cpu_s", "wall_s", "rays", "records", "alive", *names])
         for name, run in runs.items():
+            known = [getattr(errors[name], column) for column in names]
             for k, columns in enumerate(zip(run.cpu, run.wall, run.rays, run.records, run.alive, strict=True)):
                 frame = study.frames[0] + k
-                found: list[Any] = [""] * len(FrameErrors._fields)
+                found: list[Any] = [""] * len(names)
                 if frame in study.truth.frames:
                     at = study.truth.frames.index(frame)
-                    found = ["" if np.isnan(column[at]) else _short(float(column[at])) for column in errors[name]]
+                    found = ["" if np.isnan(column[at]) else _short(float(column[at])) for column in known]
                 writer.writerow([name, frame, *(_short(float(c)) for c in columns[:2]), *columns[2:], *found])
 
 

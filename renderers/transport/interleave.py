@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderers.gbuffer import GBuffer
+from renderers.transport.fused import fma
 from renderers.transport.kernels import ONE, ZERO
 
 F32 = NDArray[np.float32]
@@ -65,16 +66,16 @@ def _gaussian(t):  # type: ignore[no-untyped-def]
     x = max(np.float32(-t * t) * LOG2_E, np.float32(-125))
     n = np.floor(x + HALF)
     f = x - n
-    p = np.float32(1.535336188319500e-4) * f + np.float32(1.339887440266574e-3)
-    p = p * f + np.float32(9.618437357674640e-3)
-    p = p * f + np.float32(5.550332471162809e-2)
-    p = p * f + np.float32(2.402264791363012e-1)
-    p = p * f + np.float32(6.931472028550421e-1)
+    p = fma(np.float32(1.535336188319500e-4), f, np.float32(1.339887440266574e-3))
+    p = fma(p, f, np.float32(9.618437357674640e-3))
+    p = fma(p, f, np.float32(5.550332471162809e-2))
+    p = fma(p, f, np.float32(2.402264791363012e-1))
+    p = fma(p, f, np.float32(6.931472028550421e-1))
     power = np.int32((np.int32(n) + np.int32(127)) << np.int32(23)).view(np.float32)
-    return (p * f + ONE) * power
+    return fma(p, f, ONE) * power
 
 
-@numba.njit(fastmath=True, error_model="numpy")
+@numba.njit(error_model="numpy")
 def _add_row(position, normal, other, facing, image, covered, u, tent, sums):  # type: ignore[no-untyped-def]
     """Add the pixels u columns to the right, of another row, to a row's sums (4, W): weight, red, green, blue."""
     width = covered.shape[0]
@@ -86,13 +87,14 @@ def _add_row(position, normal, other, facing, image, covered, u, tent, sums):  #
     p, q, r = other[0, first:], other[1, first:], other[2, first:]
     red, green, blue, there = image[0, first:], image[1, first:], image[2, first:], covered[first:]
     for i in range(count):
-        along = max(ZERO, a[i] * d[i] + b[i] * e[i] + c[i] * f[i])
+        along = max(ZERO, fma(a[i], d[i], fma(b[i], e[i], c[i] * f[i])))
         along *= along
         along *= along
         along *= along
         along *= along
         along *= along
-        w = tent * there[i] * along * _gaussian(a[i] * (p[i] - x[i]) + b[i] * (q[i] - y[i]) + c[i] * (r[i] - z[i]))
+        apart = fma(a[i], p[i] - x[i], fma(b[i], q[i] - y[i], c[i] * (r[i] - z[i])))
+        w = tent * there[i] * along * _gaussian(apart)
         sums[0, low + i] += w
         sums[1, low + i] += w * red[i]
         sums[2, low + i] += w * green[i]

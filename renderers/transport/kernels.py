@@ -1,9 +1,8 @@
 """numba kernels of the VPL gather. Lights are rows of one float32 array (9, L): x, y, z, normal, intensity (structure of arrays).
 
-Each pixel adds up its lights in one fixed order (blocks of BLOCK lights, float32 inside a block, float64 across blocks), and only
-pixels are spread over threads: the same bytes at any thread count. `fastmath` lets the compiler add a block in vector lanes; that
-order is fixed by the compiled code, so the last bit may differ between kinds of CPU, and between the process that compiles a kernel
-and those that load it from numba's cache, which is optimised once more as it is written.
+Each pixel adds up its lights one after another (float32 inside a block of BLOCK lights, float64 across blocks), and only pixels are
+spread over threads: the same bytes at any thread count. Vector lanes are pixels, so no sum is taken in another order than written,
+and what is fused is said (`fused`): the same bytes whatever a compiler makes of it, for another CPU or on optimising once more.
 
 One pair:  G_b = max(0, n_x·v) max(0, -n_y·v) / (r² max(ε_b, r²)),  v = y - x,  r² = v·v  (the two cosines still unnormalised).
 Pairs closer than SAFE_R2 (1e-9 of the world's size, under float32's resolution of a coordinate) give 0.
@@ -19,9 +18,11 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import GGX_KIND, LAMBERT, PHONG
 from renderers.transport.brdf import ggx_lobe_scalar, phong_lobe_scalar, schlick_scalar
+from renderers.transport.fused import fma
 
-BLOCK = 1024
-TILE = 64
+BLOCK = 128
+TILE = 256
+ROW = TILE + 48  # rows at powers of two would share the sets of the cache, and stores would seem to hit loads of other rows
 SAFE_R2 = np.float32(1e-18)
 ZERO = np.float32(0)
 ONE = np.float32(1)
@@ -55,34 +56,49 @@ def _geometry(px, py, pz, nx, ny, nz, lights, j, eps_b):  # type: ignore[no-unty
     return cx * cy / (safe * max(eps_b, safe)) if r2 > SAFE_R2 else ZERO
 
 
-@numba.njit(parallel=True, fastmath=True, cache=True)
+@numba.njit(error_model="numpy")
+def _add_light(tile, lights, j, eps_b):  # type: ignore[no-untyped-def]
+    """Add light j to a tile: nine rows of TILE float32, ROW apart: position, normal, sum of G_b I."""
+    x, y, z = lights[0, j], lights[1, j], lights[2, j]
+    a, b, c = -lights[3, j], -lights[4, j], -lights[5, j]
+    red, green, blue = lights[6, j], lights[7, j], lights[8, j]
+    for i in range(TILE):
+        vx, vy, vz = x - tile[i], y - tile[ROW + i], z - tile[2 * ROW + i]
+        r2 = fma(vx, vx, fma(vy, vy, vz * vz))
+        cx = max(ZERO, fma(tile[3 * ROW + i], vx, fma(tile[4 * ROW + i], vy, tile[5 * ROW + i] * vz)))
+        cy = max(ZERO, fma(a, vx, fma(b, vy, c * vz)))
+        g = cx * cy / (r2 * max(eps_b, r2))
+        g = g if r2 > SAFE_R2 else ZERO
+        tile[6 * ROW + i] = fma(g, red, tile[6 * ROW + i])
+        tile[7 * ROW + i] = fma(g, green, tile[7 * ROW + i])
+        tile[8 * ROW + i] = fma(g, blue, tile[8 * ROW + i])
+
+
+@numba.njit
+def _fold(sums, tile):  # type: ignore[no-untyped-def]
+    """Add a tile's sums to those in float64, (3 · ROW,), and begin them anew."""
+    for i in range(3 * ROW):
+        sums[i] += tile[6 * ROW + i]
+    tile[6 * ROW :] = ZERO
+
+
+@numba.njit(parallel=True, cache=True)
 def gather_lambert(position, normal, lights, eps_b, out):  # type: ignore[no-untyped-def]
     """out (P, 3) float64 += Σ G_b I; position, normal float32 (P, 3). The caller multiplies by ρ/π."""
-    count, total = len(position), lights.shape[1]
-    for tile in numba.prange((count + TILE - 1) // TILE):
-        for start in range(0, total, BLOCK):
-            stop = min(start + BLOCK, total)
-            x, y, z = lights[0, start:stop], lights[1, start:stop], lights[2, start:stop]
-            a, b, c = lights[3, start:stop], lights[4, start:stop], lights[5, start:stop]
-            red, green, blue = lights[6, start:stop], lights[7, start:stop], lights[8, start:stop]
-            for i in range(tile * TILE, min(tile * TILE + TILE, count)):
-                px, py, pz = position[i, 0], position[i, 1], position[i, 2]
-                nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-                sr = sg = sb = ZERO
-                for j in range(stop - start):
-                    vx, vy, vz = x[j] - px, y[j] - py, z[j] - pz
-                    r2 = vx * vx + vy * vy + vz * vz
-                    cx = max(ZERO, nx * vx + ny * vy + nz * vz)
-                    cy = max(ZERO, -(a[j] * vx + b[j] * vy + c[j] * vz))
-                    safe = max(r2, SAFE_R2)
-                    g = cx * cy / (safe * max(eps_b, safe))
-                    g = g if r2 > SAFE_R2 else ZERO
-                    sr += g * red[j]
-                    sg += g * green[j]
-                    sb += g * blue[j]
-                out[i, 0] += sr
-                out[i, 1] += sg
-                out[i, 2] += sb
+    for first in numba.prange((len(position) + TILE - 1) // TILE):
+        here = position[first * TILE : (first + 1) * TILE], normal[first * TILE : (first + 1) * TILE]
+        tile, sums = np.zeros(9 * ROW, np.float32), np.zeros(3 * ROW)
+        for i in range(len(here[0])):
+            for c in range(3):
+                tile[c * ROW + i], tile[(3 + c) * ROW + i] = here[0][i, c], here[1][i, c]
+        for j in range(lights.shape[1]):
+            _add_light(tile, lights, j, eps_b)
+            if (j + 1) % BLOCK == 0:
+                _fold(sums, tile)
+        _fold(sums, tile)
+        for i in range(len(here[0])):
+            for c in range(3):
+                out[first * TILE + i, c] += sums[c * ROW + i]
 
 
 @numba.njit(inline="always")

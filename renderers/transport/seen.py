@@ -29,25 +29,26 @@ class Seen(NamedTuple):
     base: F64
 
 
-def seen_along(world: World, directions: F32, hits: Hits) -> Seen:
-    """The surfaces that rays with unit directions (N, 3) hit."""
-    count, table = len(directions), world.materials
+def seen_along(world: World, directions: F32, hits: Hits, rays: NDArray[np.int64] | None = None) -> Seen:
+    """The surfaces that rays with unit directions (N, 3) hit; rays (M,): only those, by default all."""
+    rays = np.arange(len(directions)) if rays is None else rays
+    count, table = len(rays), world.materials
     textured = bool((table.texture >= 0).any())
     position, normal, geometric, towards, base = (np.empty((count, 3)) for _ in range(5))
     seen = Seen(np.empty(count, np.int64), position, normal, geometric, towards, np.empty(count, np.int32), base)
     uv = np.empty((count if textured else 0, 2))
     geometry = world.positions, world.normals, world.uvs, world.triangles, world.face_normals, world.material, table.base
-    found = _surfaces(seen, uv, hits, directions, geometry)
+    found = _surfaces(seen, uv, hits, directions, rays, geometry)
     seen = Seen._make(column[:found] for column in seen)
     return seen._replace(base=base_color(world, seen.material, uv[:found])) if textured else seen
 
 
 @numba.njit(nogil=True, cache=True)
-def _surfaces(seen, uv, hits, direction, geometry):  # type: ignore[no-untyped-def]
-    """Fill the first places of `seen`, and of uv unless it is empty, with what rays hit; returns how many do."""
+def _surfaces(seen, uv, hits, direction, rays, geometry):  # type: ignore[no-untyped-def]
+    """Fill the first places of `seen`, and of uv unless it is empty, with what some rays hit; returns how many do."""
     positions, normals, uvs, triangles, face_normals, material, base = geometry
     s = 0
-    for r in range(len(direction)):
+    for r in rays:
         t, second, third = hits.triangle[r], float(hits.u[r]), float(hits.v[r])
         if t < 0:
             continue

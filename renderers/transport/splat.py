@@ -77,7 +77,7 @@ def warm_up(kernel: int, pairwise: bool) -> None:
     lights = np.zeros((9 + PARAMETERS, 0), np.float32)
     if not pairwise:
         out, work = np.zeros((1, 3, AREA)), np.zeros((1, 2), np.int64)
-        splat_lambert(kernel, receivers, np.array([0, 1], np.int32), bounds, bounds, packed(lights), 0, none, out, work)
+        splat_lambert(kernel, receivers, np.array([0, 1], np.int32), bounds, bounds, *packed(lights), none, out, work)
         return
     pixel, plane, buffers = np.zeros((1, AREA), np.int32), np.zeros((1, 3, AREA), np.float32), _buffers()
     lit_pairs(kernel, receivers, plane, bounds, bounds, lights, 0, none, none, *buffers)
@@ -91,7 +91,7 @@ def _fast(pixels: Pixels, tiles: Tiles, lights: F32, family: Family, eps_b: np.f
     sums, done = np.zeros((len(tiles.pixel), 3, AREA)), np.zeros((len(tiles.first) - 1, 2), np.int64)
     splat_lambert(
         family.kernel, tiles.receivers, tiles.first, tiles.tile_bounds, tiles.block_bounds,
-        packed(lights), lights.shape[1], eps_b, sums, done,
+        *packed(lights), eps_b, sums, done,
     )  # fmt: skip
     work[:2] += done.sum(axis=0)
     total, filled = np.zeros((len(pixels.rows), 3)), tiles.pixel >= 0

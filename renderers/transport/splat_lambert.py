@@ -1,150 +1,172 @@
 """numba kernel that splats virtual lights with bounded supports on tiles of Lambertian pixels: `splat_kernels` without shadow rays.
 
-Lights that may reach a block of tiles are collected, rows side by side; then, of those, the ones that may reach a tile; each pixel
-of the tile adds them up in vector lanes. A collected light costs 64 pixels' sums, so collecting (some 20 operations) is cheap.
+Lights that may reach a block of tiles are listed; then, of those, the ones that may reach a tile; each of these is added to the
+tile's 64 pixels side by side in vector lanes, so that listing it (some 20 operations) is cheap.
 
-A pixel adds its lights in their order, float32 up to LIST of them, float64 beyond; only blocks are spread over threads: the same
-bytes at any thread count. `fastmath` leaves the order of a sum's vector lanes to the compiled code, where it is fixed.
+A pixel adds its lights in their order, float32 up to FOLDED of them, float64 beyond; only blocks are spread over threads, and what
+is fused is said (`fused`): the same bytes at any thread count, and whatever the compiler makes of it.
 
-The compiler vectorises these loops since all rows of a collection lie in one flat array a constant distance apart: then it needs
-few checks that arrays don't overlap.
+The compiler vectorises these loops since all rows of an array lie in one flat piece a constant distance apart: then it needs few
+checks that arrays don't overlap.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from renderers.transport.cuts import HAT, PARAMETERS, RIDGE, ROULETTE, TWO_HATS
+from renderers.transport.cuts import HAT, RIDGE, ROULETTE, TWO_HATS
+from renderers.transport.fused import fma
 from renderers.transport.kernels import ONE, SAFE_R2, ZERO
 from renderers.transport.supports import INNER, OUTER, SHAPE, bound_at, hat, inverse_root, misses, ridge, roulette
 from renderers.transport.tiles import AREA
 
-ROWS = 9 + PARAMETERS
-SHAPES = (4, 10, 3, 2)  # numbers that the shape of a support takes, by family
-PART = 8192  # lights collected for a block at a time
-CHUNK = 512  # lights tested against a tile at a time
-LIST = 1536  # lights collected for a tile at most
-LANES = 32  # lists are filled up to a multiple, so that no light is left to a scalar loop
+TESTED = (0, 1, 2, 3, 4, 5, INNER, OUTER)  # rows of a light that say where it may act
+TESTS = len(TESTED)
+PART = 4096  # lights listed at a time
+FOLDED = 128  # lights added in float32
+ROW = AREA + 16  # of a tile; rows at powers of two would share the sets of the cache
 
 
-def packed(lights: np.ndarray) -> np.ndarray:
-    """Lights (ROWS, L) in parts of PART, each with its rows in one flat array: float32 (parts, ROWS · PART)."""
-    parts = -(-lights.shape[1] // PART)
-    whole = np.zeros((ROWS, parts * PART), np.float32)
-    whole[:, : lights.shape[1]] = lights
-    return np.ascontiguousarray(whole.reshape(ROWS, parts, PART).transpose(1, 0, 2)).reshape(parts, ROWS * PART)
+class Packed(NamedTuple):
+    """L lights: where they act, in parts of PART with each part's rows in one flat array, float32 (parts, TESTS · PART); and what
+    they bring, light by light, float32 (L, 9 + PARAMETERS - 2): position, normal, intensity, shape of the support."""
+
+    tested: NDArray[np.float32]
+    rows: NDArray[np.float32]
 
 
-@numba.njit(fastmath=True, error_model="numpy")
-def _reaching(bound, rows, start, count, keep, index):  # type: ignore[no-untyped-def]
-    """index[:n] = which of the lights start … start + count - 1 of a part may reach a bound; returns n."""
-    q = rows[start:]
+def packed(lights: NDArray[np.float32]) -> Packed:
+    """The rows of `splat.light_rows`, float32 (9 + PARAMETERS, L), as the kernel reads them."""
+    count = lights.shape[1]
+    parts = -(-count // PART)
+    tested = np.zeros((TESTS, parts * PART), np.float32)
+    tested[:, :count] = lights[list(TESTED)]
+    flat = np.ascontiguousarray(tested.reshape(TESTS, parts, PART).transpose(1, 0, 2)).reshape(parts, TESTS * PART)
+    return Packed(flat, np.ascontiguousarray(np.concatenate([lights[:INNER], lights[SHAPE:]]).T))
+
+
+@numba.njit(error_model="numpy")
+def _reaching(bound, q, count, keep, index):  # type: ignore[no-untyped-def]
+    """index[:n] = which of a part's first `count` lights may reach a bound; returns n."""
     for j in range(count):
         out = misses(
             bound, q[j], q[PART + j], q[2 * PART + j], q[3 * PART + j], q[4 * PART + j], q[5 * PART + j],
-            q[INNER * PART + j], q[OUTER * PART + j],
+            q[6 * PART + j], q[7 * PART + j],
         )  # fmt: skip
         keep[j] = np.int32(0) if out else np.int32(1)
     n = 0
     for j in range(count):
-        index[n] = start + j
+        index[n] = j
         n += keep[j]
     return n
 
 
 @numba.njit
-def _collect(source, row, index, n, target):  # type: ignore[no-untyped-def]
-    """target[:n] = row of the lights index[:n] of a part."""
-    values = source[row * PART : (row + 1) * PART]
-    for k in range(n):
-        target[k] = values[index[k]]
+def _collect(source, index, n, target):  # type: ignore[no-untyped-def]
+    """target = the lights index[:n] of a part."""
+    for row in range(TESTS):
+        values, chosen = source[row * PART : (row + 1) * PART], target[row * PART : (row + 1) * PART]
+        for k in range(n):
+            chosen[k] = values[index[k]]
 
 
 @numba.njit(inline="always")
-def _weighted(family, cube, c, q, j):  # type: ignore[no-untyped-def]
-    """c · s(α) of collected light j."""
-    s = SHAPE - 2
+def _weighted(family, cube, c, s):  # type: ignore[no-untyped-def]
+    """c · s(α) of a light whose support has the shape s."""
     if family == HAT:
-        return hat(cube, c, q[s, j], q[s + 1, j], q[s + 2, j], q[s + 3, j])
+        return hat(cube, c, s[0], s[1], s[2], s[3])
     if family == TWO_HATS:
-        first = hat(cube, c, q[s, j], q[s + 1, j], q[s + 2, j], q[s + 3, j])
-        return first * q[s + 8, j] + hat(cube, c, q[s + 4, j], q[s + 5, j], q[s + 6, j], q[s + 7, j]) * q[s + 9, j]
+        return fma(hat(cube, c, s[0], s[1], s[2], s[3]), s[8], hat(cube, c, s[4], s[5], s[6], s[7]) * s[9])
     if family == RIDGE:
-        return ridge(cube, c, q[s, j], q[s + 1, j], q[s + 2, j])
-    return roulette(cube, c, q[s, j], q[s + 1, j])
+        return ridge(cube, c, s[0], s[1], s[2])
+    return roulette(cube, c, s[0], s[1])
 
 
 @numba.njit(inline="always")
-def _add(family, here, q, count, inverse_bound, sums):  # type: ignore[no-untyped-def]
-    """Add the first `count` collected lights, a multiple of LANES, to a tile's pixels; returns how many pairs are lit."""
-    hits = 0
+def _add(family, tile, rows, j, inverse_bound):  # type: ignore[no-untyped-def]
+    """Add light j of `Packed.rows` to a tile: ten rows of AREA, ROW apart: position, normal, sum, number of lights that lit it."""
+    x, y, z = rows[j, 0], rows[j, 1], rows[j, 2]
+    a, b, c = -rows[j, 3], -rows[j, 4], -rows[j, 5]
+    red, green, blue = rows[j, 6], rows[j, 7], rows[j, 8]
+    shape = (
+        rows[j, 9], rows[j, 10], rows[j, 11], rows[j, 12], rows[j, 13],
+        rows[j, 14], rows[j, 15], rows[j, 16], rows[j, 17], rows[j, 18],
+    )  # fmt: skip
     for i in range(AREA):
-        px, py, pz, nx, ny, nz = here[0, i], here[1, i], here[2, i], here[3, i], here[4, i], here[5, i]
-        sr = sg = sb = lit = ZERO
-        for j in range(count):
-            vx, vy, vz = q[0, j] - px, q[1, j] - py, q[2, j] - pz
-            r2 = vx * vx + vy * vy + vz * vz
-            cx = max(ZERO, nx * vx + ny * vy + nz * vz)
-            cy = max(ZERO, -(q[3, j] * vx + q[4, j] * vy + q[5, j] * vz))
-            safe = max(r2, SAFE_R2)
-            inverse = inverse_root(safe)
-            square = inverse * inverse
-            g = cx * _weighted(family, safe * safe * inverse, cy, q, j) * square * min(inverse_bound, square)
-            g = g if r2 > SAFE_R2 else ZERO
-            sr += g * q[6, j]
-            sg += g * q[7, j]
-            sb += g * q[8, j]
-            lit += ONE if g > ZERO else ZERO
-        sums[0, i] += sr
-        sums[1, i] += sg
-        sums[2, i] += sb
-        hits += int(lit)
-    return hits
+        vx, vy, vz = x - tile[i], y - tile[ROW + i], z - tile[2 * ROW + i]
+        r2 = fma(vx, vx, fma(vy, vy, vz * vz))
+        cx = max(ZERO, fma(tile[3 * ROW + i], vx, fma(tile[4 * ROW + i], vy, tile[5 * ROW + i] * vz)))
+        cy = max(ZERO, fma(a, vx, fma(b, vy, c * vz)))
+        inverse = inverse_root(r2)
+        square = inverse * inverse
+        g = cx * _weighted(family, r2 * r2 * inverse, cy, shape) * square * min(inverse_bound, square)
+        g = g if r2 > SAFE_R2 else ZERO
+        tile[6 * ROW + i] = fma(g, red, tile[6 * ROW + i])
+        tile[7 * ROW + i] = fma(g, green, tile[7 * ROW + i])
+        tile[8 * ROW + i] = fma(g, blue, tile[8 * ROW + i])
+        tile[9 * ROW + i] += ONE if g > ZERO else ZERO
 
 
-@numba.njit(fastmath=True, error_model="numpy")
-def _flush(family, here, q, n, inverse_bound, sums):  # type: ignore[no-untyped-def]
-    """`_add` with each family compiled on its own, after filling up with lights that bring nothing (no normal, no light)."""
-    count = (n + LANES - 1) // LANES * LANES
-    q[3:9, n:count] = ZERO
+@numba.njit
+def _fold(tile, out):  # type: ignore[no-untyped-def]
+    """out (3, AREA) float64 += a tile's sums, which begin anew; returns how many pairs were lit."""
+    for c in range(3):
+        part = tile[(6 + c) * ROW : (6 + c) * ROW + AREA]
+        for i in range(AREA):
+            out[c, i] += part[i]
+    lit = 0
+    for i in range(AREA):
+        lit += int(tile[9 * ROW + i])
+    tile[6 * ROW :] = ZERO
+    return lit
+
+
+@numba.njit(inline="always")
+def _add_all(family, tile, rows, which, index, n, inverse_bound, out):  # type: ignore[no-untyped-def]
+    """out (3, AREA) += light of rows[which[index[:n]]] on a tile; returns how many pairs are lit."""
+    lit = 0
+    for start in range(0, n, FOLDED):
+        for k in range(start, min(start + FOLDED, n)):
+            _add(family, tile, rows, which[index[k]], inverse_bound)
+        lit += _fold(tile, out)
+    return lit
+
+
+@numba.njit(error_model="numpy")
+def _add_lights(family, tile, rows, which, index, n, inverse_bound, out):  # type: ignore[no-untyped-def]
+    """`_add_all` with each family compiled on its own."""
     if family == HAT:
-        return _add(HAT, here, q, count, inverse_bound, sums)
+        return _add_all(HAT, tile, rows, which, index, n, inverse_bound, out)
     if family == TWO_HATS:
-        return _add(TWO_HATS, here, q, count, inverse_bound, sums)
+        return _add_all(TWO_HATS, tile, rows, which, index, n, inverse_bound, out)
     if family == RIDGE:
-        return _add(RIDGE, here, q, count, inverse_bound, sums)
-    return _add(ROULETTE, here, q, count, inverse_bound, sums)
+        return _add_all(RIDGE, tile, rows, which, index, n, inverse_bound, out)
+    return _add_all(ROULETTE, tile, rows, which, index, n, inverse_bound, out)
 
 
-@numba.njit(parallel=True, fastmath=True, error_model="numpy", cache=True)
-def splat_lambert(family, receivers, first, tile_bounds, block_bounds, lights, total, eps_b, out, work):  # type: ignore[no-untyped-def]
+@numba.njit(parallel=True, error_model="numpy", cache=True)
+def splat_lambert(family, receivers, first, tile_bounds, block_bounds, tested, rows, eps_b, out, work):  # type: ignore[no-untyped-def]
     """out (T, 3, AREA) float64 += Σ w G_b I; work (B, 2) int64: pairs evaluated and pairs lit. The caller multiplies by ρ/π.
 
-    lights: `packed`, total of them.
+    tested, rows: `Packed`.
     """
     inverse_bound = ONE / max(eps_b, SAFE_R2)
-    shape = SHAPES[family]
     for b in numba.prange(len(first) - 1):
-        near = np.empty(ROWS * PART, np.float32)
-        q = np.zeros((9 + shape, LIST), np.float32)
-        keep, index = np.empty(PART, np.int32), np.empty(PART, np.int32)
-        tested, touched = 0, 0
-        for p in range(len(lights)):
-            n = _reaching(bound_at(block_bounds, b), lights[p], 0, min(PART, total - p * PART), keep, index)
-            for row in range(ROWS):
-                _collect(lights[p], row, index, n, near[row * PART :])
+        near, tile = np.empty(TESTS * PART, np.float32), np.zeros(10 * ROW, np.float32)
+        keep, block, index = np.empty(PART, np.int32), np.empty(PART, np.int32), np.empty(PART, np.int32)
+        evaluated, lit = 0, 0
+        for p in range(len(tested)):
+            own = rows[p * PART : (p + 1) * PART]
+            n = _reaching(bound_at(block_bounds, b), tested[p], len(own), keep, block)
+            _collect(tested[p], block, n, near)
             for t in range(first[b], first[b + 1]):
-                bound, m = bound_at(tile_bounds, t), 0
-                for start in range(0, n, CHUNK):
-                    k = _reaching(bound, near, start, min(CHUNK, n - start), keep, index)
-                    for row in range(9):
-                        _collect(near, row, index, k, q[row, m:])
-                    for row in range(shape):
-                        _collect(near, SHAPE + row, index, k, q[9 + row, m:])
-                    m += k
-                    if m > LIST - CHUNK or start + CHUNK >= n:
-                        tested += m * AREA
-                        touched += _flush(family, receivers[t], q, m, inverse_bound, out[t])
-                        m = 0
-        work[b, 0], work[b, 1] = tested, touched
+                m = _reaching(bound_at(tile_bounds, t), near, n, keep, index)
+                for row in range(6):
+                    tile[row * ROW : row * ROW + AREA] = receivers[t, row]
+                evaluated += m * AREA
+                lit += _add_lights(family, tile, own, block, index, m, inverse_bound, out[t])
+        work[b, 0], work[b, 1] = evaluated, lit

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from renderers.transport.fused import fma
 from renderers.transport.kernels import ONE, ZERO
 
 FLAT = np.float32(1e-12)
@@ -29,9 +30,9 @@ COPLANAR = np.float32(3e-7)
 def inverse_root(x):  # type: ignore[no-untyped-def]
     """1/√x of a normal float32 x > 0 to 3e-7, by the float's bits (3.4 % off), one step of third order (1e-4), one of second."""
     y = np.int32(np.int32(0x5F375A86) - (np.float32(x).view(np.int32) >> np.int32(1))).view(np.float32)
-    h = ONE - x * y * y
-    y += y * h * (HALF + THREE_EIGHTHS * h)
-    return y * (THREE_HALVES - HALF * x * y * y)
+    h = fma(-x * y, y, ONE)
+    y = fma(y * h, fma(THREE_EIGHTHS, h, HALF), y)
+    return fma(HALF * y, fma(-x * y, y, ONE), y)
 
 
 @numba.njit(inline="always")
@@ -41,21 +42,21 @@ def log_of(y):  # type: ignore[no-untyped-def]
     e = np.float32(np.int32(shifted >> np.int32(23)))
     m = np.int32(np.int32(shifted & np.int32(0x7FFFFF)) + np.int32(0x3F3504F3)).view(np.float32)
     f = m - ONE
-    p = np.float32(7.0376836292e-2) * f - np.float32(1.1514610310e-1)
-    p = p * f + np.float32(1.1676998740e-1)
-    p = p * f - np.float32(1.2420140846e-1)
-    p = p * f + np.float32(1.4249322787e-1)
-    p = p * f - np.float32(1.6668057665e-1)
-    p = p * f + np.float32(2.0000714765e-1)
-    p = p * f - np.float32(2.4999993993e-1)
-    p = p * f + np.float32(3.3333331174e-1)
-    return e * LN2 + (f + f * f * (p * f - HALF))
+    p = fma(np.float32(7.0376836292e-2), f, np.float32(-1.1514610310e-1))
+    p = fma(p, f, np.float32(1.1676998740e-1))
+    p = fma(p, f, np.float32(-1.2420140846e-1))
+    p = fma(p, f, np.float32(1.4249322787e-1))
+    p = fma(p, f, np.float32(-1.6668057665e-1))
+    p = fma(p, f, np.float32(2.0000714765e-1))
+    p = fma(p, f, np.float32(-2.4999993993e-1))
+    p = fma(p, f, np.float32(3.3333331174e-1))
+    return fma(e, LN2, fma(f * f, fma(p, f, -HALF), f))
 
 
 @numba.njit(inline="always")
 def hat(cube, c, low, rise, high, fall):  # type: ignore[no-untyped-def]
     """c · clip(min((α - low) · rise, (high - α) · fall), 0, 1) with α = cube / c, without the division."""
-    up, down = (cube - low * c) * rise, (high * c - cube) * fall
+    up, down = fma(-low, c, cube) * rise, fma(high, c, -cube) * fall
     # comparisons, since so many calls of min and max aren't inlined any more
     least = up if up < down else down
     least = least if least < c else c
@@ -65,7 +66,7 @@ def hat(cube, c, low, rise, high, fall):  # type: ignore[no-untyped-def]
 @numba.njit(inline="always")
 def ridge(cube, c, nu, scale, inverse):  # type: ignore[no-untyped-def]
     """c · s̃(ν, α). At grazing angles α is cut short at cube / 1e-12: at the same place for all ν, so the integral stays 1."""
-    mid = scale * log_of(ONE + cube / max(c, FLAT) * inverse)
+    mid = scale * log_of(fma(cube / max(c, FLAT), inverse, ONE))
     width = max(min(mid, ONE), FLAT)
     height = max(ZERO, nu - mid + width if nu < mid else (mid + ONE - nu) * width)
     return c * height / (width * min(ONE, (mid + ONE) * HALF))
@@ -75,10 +76,10 @@ def ridge(cube, c, nu, scale, inverse):  # type: ignore[no-untyped-def]
 def roulette(cube, c, number, inverse):  # type: ignore[no-untyped-def]
     """c · W(u, α), u = number, x = α · inverse (`cuts.RouletteLevels`). At grazing angles α is cut short as in `ridge`."""
     x = cube / max(c, FLAT) * inverse
-    kept = max(ZERO, min(ONE, THREE_HALVES - number * x))
+    kept = max(ZERO, min(ONE, fma(-number, x, THREE_HALVES)))
     near = min(x, THREE_HALVES)
     flank = max(ZERO, near - HALF)
-    return c * x * kept / max(near - HALF * flank * flank, LEAST)
+    return c * x * kept / max(fma(-HALF * flank, flank, near), LEAST)
 
 
 @numba.njit(inline="always")
@@ -98,12 +99,12 @@ def misses(bound, x, y, z, a, b, c, inner, outer):  # type: ignore[no-untyped-de
     """
     bx, by, bz, radius, nx, ny, nz, spread, floor = bound
     vx, vy, vz = bx - x, by - y, bz - z
-    r2 = max(vx * vx + vy * vy + vz * vz, FLAT)
+    r2 = max(fma(vx, vx, fma(vy, vy, vz * vz)), FLAT)
     d = r2 * inverse_root(r2)
-    above = a * vx + b * vy + c * vz
+    above = fma(a, vx, fma(b, vy, c * vz))
     highest, lowest = above + radius, above - radius
     near, far = max(ZERO, d - radius), d + radius
-    facing = nx * x + ny * y + nz * z - floor + spread * far
+    facing = fma(spread, far, fma(nx, x, fma(ny, y, fma(nz, z, -floor))))
     beyond = near * near * near > outer * highest
     before = (lowest > ZERO) & (far * far * far < inner * lowest)
     return (highest <= ZERO) | (facing <= COPLANAR) | beyond | before

@@ -11,6 +11,7 @@ import numba
 import numpy as np
 
 from renderers.transport.caching.splat_kernels import tiles_reached, weight_at
+from renderers.transport.fused import dot, fma
 from renderers.transport.hemispherical.lune import GRADING, QUARTER
 
 SAME = 1e-4  # largest entry of R - 1 that counts as one frame
@@ -56,15 +57,6 @@ def extrapolate(coefficients, axes, point, position, out):  # type: ignore[no-un
     for c in range(3):
         for i in range(out.shape[1]):
             out[c, i] = coefficients[0, c, i] + x * coefficients[1, c, i] + y * coefficients[2, c, i]
-
-
-@numba.njit(fastmath=True, cache=True)
-def dot(first, second):  # type: ignore[no-untyped-def]
-    """Σ_i first second."""
-    total = np.float32(0)
-    for i in range(len(first)):
-        total += first[i] * second[i]
-    return total
 
 
 @numba.njit(cache=True)
@@ -116,7 +108,7 @@ def about_z(light, angle):  # type: ignore[no-untyped-def]
                 light[c, middle - m] = sine * right + cosine * left
 
 
-@numba.njit(fastmath=True, cache=True)
+@numba.njit(cache=True)
 def tilt(light, near, far, rows, t, scratch):  # type: ignore[no-untyped-def]
     """One parity block of a turn about y, in place: light[rows] = (near + t (far - near))ᵀ light[rows]."""
     size = len(rows)
@@ -124,10 +116,10 @@ def tilt(light, near, far, rows, t, scratch):  # type: ignore[no-untyped-def]
     for i in range(size):
         red, green, blue = light[0, rows[i]], light[1, rows[i]], light[2, rows[i]]
         for j in range(size):
-            entry = near[i, j] + t * (far[i, j] - near[i, j])
-            scratch[0, j] += entry * red
-            scratch[1, j] += entry * green
-            scratch[2, j] += entry * blue
+            entry = fma(t, far[i, j] - near[i, j], near[i, j])
+            scratch[0, j] = fma(entry, red, scratch[0, j])
+            scratch[1, j] = fma(entry, green, scratch[1, j])
+            scratch[2, j] = fma(entry, blue, scratch[2, j])
     for j in range(size):
         for c in range(3):
             light[c, rows[j]] = scratch[c, j]

@@ -1,10 +1,9 @@
-"""What differs between the Worlds of two successive frames, and which rays can't have noticed."""
+"""What differs between the Worlds of two successive frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,24 +80,3 @@ def _same_materials(a: World, b: World) -> bool:
     one, other = a.materials, b.materials
     same = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.__dataclass_fields__)
     return same and all(x is y for x, y in zip(a.textures, b.textures, strict=True))
-
-
-@numba.njit(nogil=True, cache=True)
-def crossing(origin, direction, reach, boxes, out):  # type: ignore[no-untyped-def]
-    """out (N,) |= whether origin + s·direction, 0 ≤ s ≤ reach (N,), touches one of the boxes (B, 2, 3)."""
-    for i in range(len(origin)):
-        if out[i]:
-            continue
-        for b in range(len(boxes)):
-            near, far = 0.0, float(reach[i])
-            for c in range(3):
-                d, o = float(direction[i, c]), float(origin[i, c])
-                if d == 0.0:
-                    if o < boxes[b, 0, c] or o > boxes[b, 1, c]:
-                        far = -1.0
-                    continue
-                low, high = (boxes[b, 0, c] - o) / d, (boxes[b, 1, c] - o) / d
-                near, far = max(near, min(low, high)), min(far, max(low, high))
-            if near <= far:
-                out[i] = True
-                break

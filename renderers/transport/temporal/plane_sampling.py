@@ -22,6 +22,7 @@ from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.plane import Draw, reprojected
 from renderers.transport.temporal.prediction import followed
 from renderers.transport.temporal.sampling import Ahead, Cast, TemporalSampler
+from renderers.transport.temporal.updating import Found
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
@@ -58,7 +59,7 @@ class TemporalPlaneSampler(TemporalSampler):
         def cast(part: slice) -> tuple[Records, Cloud, F64, int]:
             found, rays = self.cast(sites.rows(part), places[part], None if tangents is None else tangents[part])
             cloud, more = ahead.cloud(found)
-            return self._records(found, found.radiance, found.nearness), cloud, found.tangents, rays + more
+            return self._records(found, found.found), cloud, found.tangents, rays + more
 
         def summed(part: int) -> Records:
             radiance, nearness = drawn[part]
@@ -72,8 +73,8 @@ class TemporalPlaneSampler(TemporalSampler):
     def _rays(self, sites: Sites, tangents: F64, random: F64) -> tuple[F32, F32]:
         return plane_rays(self._local, sites, tangents)
 
-    def _records(self, cast: Cast, radiance: F32, nearness: F32, grid: Grid | None = None) -> Records:
-        return self._summed(cast.sites, cast.tangents, radiance, nearness, self.grid if grid is None else grid)
+    def _records(self, cast: Cast, found: Found, grid: Grid | None = None) -> Records:
+        return self._summed(cast.sites, cast.tangents, found.radiance, found.nearness, self.grid if grid is None else grid)
 
     @staticmethod
     def _summed(sites: Sites, tangents: F64, radiance: F32, nearness: F32, grid: Grid) -> Records:
@@ -121,24 +122,26 @@ class PlaneReprojection:
         """See `sampling.Ahead`: drawing points costs much less than casting rays."""
         return np.zeros(len(sites.position), bool)
 
-    def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
+    def __call__(self, cast: Cast) -> tuple[Found, int]:
         """See `sampling.Ahead`. From the calling thread alone where `draw` needs that."""
         cloud, rays = self.cloud(cast)
-        return *self.drawn([cloud])[0], rays
+        radiance, nearness = self.drawn([cloud])[0]
+        return Found(cast.found.hits, radiance, nearness), rays
 
     def cloud(self, cast: Cast) -> tuple[Cloud, int]:
         """What is to be drawn, and the number of rays cast. Called from several threads."""
         then = followed(self._motion, self._sampler, self._incoming, cast, self._follows)
         shape = len(cast.tangents), len(self._local)
-        t = np.where(cast.hits.triangle >= 0, cast.hits.t, np.float32(FAR)).reshape(shape)
+        hits = cast.found.hits
+        t = np.where(hits.triangle >= 0, hits.t, np.float32(FAR)).reshape(shape)
         points = self._local * t[..., None]
-        rays = cast.seen.ray[then.moves]
+        rays = then.seen.ray[then.moves]
         axes = np.concatenate([cast.tangents, cast.sites.normal[:, None]], axis=1)[rays // shape[1]]
         points.reshape(-1, 3)[rays] = np.einsum("nij,nj->ni", axes, then.position[then.moves] - cast.origins[rays])
         moves = np.zeros(len(cast.origins), bool)
         moves[rays] = True
-        light = then.shaded.radiance.reshape(*shape, 3)
-        return Cloud(points, light, then.shaded.nearness.reshape(shape), moves.reshape(shape)), then.shaded.rays
+        light = then.found.radiance.reshape(*shape, 3)
+        return Cloud(points, light, then.found.nearness.reshape(shape), moves.reshape(shape)), then.rays
 
     def drawn(self, clouds: list[Cloud]) -> list[tuple[F32, F32]]:
         """Radiance (K, N, 3) and nearness (K, N) of planes, cloud by cloud, all drawn at once."""

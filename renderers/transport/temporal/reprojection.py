@@ -49,7 +49,7 @@ def reprojected(cast: Cast, moved: Moved, radiance: F32, grid: Grid, footprints:
     solid: cells are of equal solid angle, else of equal projected solid angle.
     """
     first = np.searchsorted(moved.ray, np.arange(len(cast.tangents) + 1) * grid.cells)
-    out, near = radiance.copy(), cast.nearness.copy()
+    out, near = radiance.copy(), cast.found.nearness.copy()
     shape = grid.rings * footprints, grid.sectors * footprints
     depth, source = np.empty(shape, np.float32), np.empty(shape, np.int64)
     for k in range(len(cast.tangents)):
@@ -60,7 +60,7 @@ def reprojected(cast: Cast, moved: Moved, radiance: F32, grid: Grid, footprints:
         axes = np.concatenate([cast.tangents[k], cast.sites.normal[k : k + 1]])
         here = moved.rows(part)
         here = here._replace(ray=here.ray - k * grid.cells)
-        holes = _draw(*grid, solid, footprints, axes, cast.origins[rays], here, cast.nearness[rays], depth, source)
+        holes = _draw(*grid, solid, footprints, axes, cast.origins[rays], here, cast.found.nearness[rays], depth, source)
         filled(depth, source, holes, True)
         _average(footprints, depth, source, radiance[rays], out[rays], near[rays])
     return out, near

@@ -23,6 +23,7 @@ from renderers.transport.raycast import OFFSET, Hits
 from renderers.transport.sampling import frame
 from renderers.transport.seen import Seen, seen_along
 from renderers.transport.temporal.trends import Trends
+from renderers.transport.temporal.updating import Found
 from renderers.transport.threads import chunks, in_threads
 
 F32 = NDArray[np.float32]
@@ -34,38 +35,30 @@ LOST = 1 / 3
 class Cast(NamedTuple):
     """Hemispheres of K places with all that was found on the way. Rays are numbered record by record, cell by cell.
 
-    origins, directions float32 (K·cells, 3); hits: of the rays; seen: of those that hit something; random float64 (K, 8): numbers
-    of the places; radiance float32 (K·cells, 3), nearness float32 (K·cells,); tangents float64 (K, 2, 3); cell int64 (K·cells,):
-    number of each ray among those of the whole hemispheres of the K places.
+    origins, directions float32 (K·cells, 3); found: by the rays; random float64 (K, 8): numbers of the places; tangents float64
+    (K, 2, 3); cell int64 (K·cells,): number of each ray among those of the whole hemispheres of the K places; seen: of the rays
+    that hit something, None where not all of them were shaded.
     """
 
     sites: Sites
     tangents: F64
     origins: F32
     directions: F32
-    hits: Hits
-    seen: Seen
+    found: Found
     random: F64
-    radiance: F32
-    nearness: F32
     cell: I64
+    seen: Seen | None
 
     def part(self, places: I64, cells: I64) -> Cast:
         """Some cells (C,) of the hemispheres of some places (M,), in order."""
         rays = (places[:, None] * (len(self.origins) // len(self.tangents)) + cells).ravel()
-        row = np.full(len(self.origins), -1)
-        row[self.seen.ray] = np.arange(len(self.seen.ray))
-        found = row[rays]
-        number = np.flatnonzero(found >= 0)
-        columns: Any = (column[found[number]] for column in self.seen)
-        seen = Seen(*columns)
-        hit: Any = (column[rays] for column in self.hits)
-        random, radiance, nearness = self.random[places], self.radiance[rays], self.nearness[rays]
+        hits: Any = (column[rays] for column in self.found.hits)
+        found = Found(Hits(*hits), self.found.radiance[rays], self.found.nearness[rays])
         # light samples are numbered by place and cell
         cell = np.arange(len(places))[:, None] * (len(self.origins) // len(self.tangents)) + cells
         return Cast(
-            self.sites.rows(places), self.tangents[places], self.origins[rays], self.directions[rays], Hits(*hit),
-            seen._replace(ray=number), random, radiance, nearness, cell.ravel(),
+            self.sites.rows(places), self.tangents[places], self.origins[rays], self.directions[rays], found, self.random[places],
+            cell.ravel(), None,
         )  # fmt: skip
 
 
@@ -75,8 +68,8 @@ class Ahead(Protocol):
     @property
     def smooth(self) -> bool: ...
 
-    def __call__(self, cast: Cast) -> tuple[F32, F32, int]:
-        """Radiance (K·cells, 3), nearness (K·cells,) one frame later, and the number of rays cast. Called from several threads."""
+    def __call__(self, cast: Cast) -> tuple[Found, int]:
+        """What the rays find one frame later, and the number of rays cast. Called from several threads."""
 
     def changes(self, sites: Sites) -> NDArray[np.bool_]:
         """Places (K,) whose hemispheres change as a whole: foreseeing all of their rays would cost as much as a record."""
@@ -117,7 +110,7 @@ class TemporalSampler(PolarSampler):
         def task(part: slice) -> tuple[Records, Records, int]:
             rows = order[part]
             cast, rays = self.cast(sites.rows(rows), places[rows], None if tangents is None else tangents[rows])
-            now = self._records(cast, cast.radiance, cast.nearness)
+            now = self._records(cast, cast.found)
             if ahead is None:
                 return now, now, rays
             later, more = self.foreseen(cast, now, ahead)
@@ -138,11 +131,10 @@ class TemporalSampler(PolarSampler):
         origins, directions = self._rays(sites, tangents, random)
         hits = self._caster.first_hit(origins, directions, self.grid)
         seen = seen_along(self.world, directions, hits)
-        radiance, nearness = np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32)
-        radiance[seen.ray], shadow_rays = self._incoming(seen, self._light_numbers(seen, random))
-        nearness[seen.ray] = 1 / np.maximum(hits.t[seen.ray], OFFSET)
-        cast = Cast(sites, tangents, origins, directions, hits, seen, random, radiance, nearness, np.arange(cells))
-        return cast, cells + shadow_rays
+        found = Found(hits, np.zeros((cells, 3), np.float32), np.zeros(cells, np.float32))
+        found.radiance[seen.ray], shadow_rays = self._incoming(seen, self._light_numbers(seen, random))
+        found.nearness[seen.ray] = 1 / np.maximum(hits.t[seen.ray], OFFSET)
+        return Cast(sites, tangents, origins, directions, found, random, np.arange(cells), seen), cells + shadow_rays
 
     def foreseen(self, cast: Cast, now: Records, ahead: Ahead) -> tuple[Records, int]:
         """Records `now` of a cast one frame later, and the number of rays cast.
@@ -151,25 +143,23 @@ class TemporalSampler(PolarSampler):
         """
         changes = ahead.changes(cast.sites)
         if len(self._coarse.cells) == self.grid.cells or not changes.any():
-            radiance, nearness, rays = ahead(cast)
-            return self._records(cast, radiance, nearness), rays
-        found, order, total = list[Trends](), list[I64](), 0
+            found, rays = ahead(cast)
+            return self._records(cast, found), rays
+        trends, order, total = list[Trends](), list[I64](), 0
         for index, grid, cells in (
             (np.flatnonzero(~changes), self.grid, np.arange(self.grid.cells)),
             (np.flatnonzero(changes), *self._coarse),
         ):
             if len(index):
                 part = cast.part(index, cells)
-                radiance, nearness, rays = ahead(part)
-                last, first = (
-                    self._records(part, *light, grid) for light in ((radiance, nearness), (part.radiance, part.nearness))
-                )
-                differences = (radiance - part.radiance).reshape(len(index), *grid, 3)
+                found, rays = ahead(part)
+                last, first = (self._records(part, light, grid) for light in (found, part.found))
+                differences = (found.radiance - part.found.radiance).reshape(len(index), *grid, 3)
                 share = 0.0 if ahead.smooth else self._unevenness(grid) - self._unevenness(self.grid)
-                found.append(_certain(Trends.between(first, last, np.ones(len(index))), differences, share))
+                trends.append(_certain(Trends.between(first, last, np.ones(len(index))), differences, share))
                 order.append(index)
                 total += rays
-        return Trends.joined(found).rows(np.argsort(np.concatenate(order))).after(now, np.ones(len(changes))), total
+        return Trends.joined(trends).rows(np.argsort(np.concatenate(order))).after(now, np.ones(len(changes))), total
 
     def light_numbers(self, seen: Seen, cast: Cast) -> F64:
         """Random numbers float64 (S, 6) for the lights of hits of a cast's rays."""
@@ -185,9 +175,9 @@ class TemporalSampler(PolarSampler):
         """Sum of the squares of the shares that cells have in irradiance: variance of the mean of cells of variance 1."""
         return 1 / grid.cells
 
-    def _records(self, cast: Cast, radiance: F32, nearness: F32, grid: Grid | None = None) -> Records:
+    def _records(self, cast: Cast, found: Found, grid: Grid | None = None) -> Records:
         shape = len(cast.tangents), *(self.grid if grid is None else grid)
-        light, near = radiance.reshape(*shape, 3), nearness.reshape(shape)
+        light, near = found.radiance.reshape(*shape, 3), found.nearness.reshape(shape)
         if self.order is None:
             return records_of(cast.sites, cast.tangents, polar_moments(light, near))
         return radiance_records(cast.sites, cast.tangents, radiance_moments(light, near, self.order))

@@ -1,5 +1,7 @@
 """Parts of temporal caching by themselves: motion, anchors, coverage, trends, the overlay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from caching_rooms import room_2
@@ -7,15 +9,16 @@ from numpy.typing import NDArray
 from temporal_rooms import room
 
 from renderers.transport.caching.records import Records, Sites
-from renderers.transport.caching.splat import Canvas
+from renderers.transport.caching.splat import Canvas, gather
 from renderers.transport.caching.weights import WEIGHTS, weight
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.temporal.anchors import anchors, carried
 from renderers.transport.temporal.coverage import coverage, needed
-from renderers.transport.temporal.motion import crossing, motion_between
+from renderers.transport.temporal.motion import motion_between
 from renderers.transport.temporal.overlay import overlay
 from renderers.transport.temporal.records import Timed, succeeded
 from renderers.transport.temporal.trends import Trends
+from renderers.transport.temporal.updating import touches
 
 F64 = NDArray[np.float64]
 
@@ -60,16 +63,18 @@ def test_segments_that_cross_boxes() -> None:
     low = rng.uniform(-1, 0.5, (3, 3))
     boxes = np.stack([low, low + rng.uniform(0.1, 0.6, (3, 3))], axis=1).astype(np.float32)
     origin, direction = rng.uniform(-1, 1, (300, 3)), rng.normal(size=(300, 3))
-    out = np.zeros(300, bool)
-    crossing(origin, direction, np.full(300, 0.7), boxes, out)
+    out = np.array([touches(*ray, 0.7, boxes, 0, 1) for ray in zip(origin, direction, strict=True)])
     along = origin[:, None] + direction[:, None] * np.linspace(0, 0.7, 4001)[None, :, None]
     inside = ((along[:, :, None] >= boxes[:, 0]) & (along[:, :, None] <= boxes[:, 1])).all(axis=3).any(axis=(1, 2))
     # a corner may be cut between two of the 4001 points, never the other way round
     assert (out | ~inside).all()
     assert np.mean(out != inside) < 0.01
-    axis_parallel = np.zeros(1, bool)
-    crossing(np.array([[0.0, 5, 0]]), np.array([[1.0, 0, 0]]), np.full(1, 9.0), boxes, axis_parallel)
-    assert not axis_parallel[0]
+    x = np.array([1.0, 0, 0])
+    assert not touches(np.array([0.0, 5, 0]), x, 9.0, boxes, 0, 1)
+    low, high = boxes[0]
+    for side, inside in ((low + 1e-6, True), (high - 1e-6, True), (low - 1e-6, False), (high + 1e-6, False)):  # along a face
+        assert touches(np.array([low[0] - 1, side[1], side[2]]), x, 9.0, boxes, 0, 3) == inside
+    assert not touches(np.array([low[0] - 1, *(low[1:] + 1e-6)]), x, 0.5, boxes, 0, 3)
 
 
 def test_anchors_hold_places_on_their_surface_alone() -> None:
@@ -157,6 +162,88 @@ def test_a11_errors_over_a_life_stay_within_their_bounds(mode: str) -> None:
         assert (error <= bound + 1e-12).all()
 
 
+def turn_about(axis: int, angle: float) -> F64:
+    """Rotation (3, 3) about a coordinate axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    plane = [k for k in range(3) if k != axis]
+    found = np.eye(3)
+    found[np.ix_(plane, plane)] = [[c, -s], [s, c]]
+    return found
+
+
+def coloured(seed: int, count: int = 4) -> tuple[Timed, F64]:
+    """Places near the origin with normals near z and random light, gradients and trends; their positions."""
+    rng = np.random.default_rng(seed)
+    position, normal = rng.normal(size=(count, 3)) * 0.1, rng.normal(size=(count, 3)) * 0.1 + [0, 0, 1]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    light, *gradients = (rng.uniform(-0.3, 0.3, (count, *shape)) for shape in ((3,), (3, 3), (3, 3)))
+    records = Records(position, normal, np.ones(count), light + 3, *gradients)
+    trends = Trends(*(rng.uniform(-0.1, 0.1, (count, *shape)) for shape in ((3,), (3, 3), (3, 3))))
+    none, slanted = np.zeros(count, np.int64), np.roll(normal, 1, axis=0)
+    return Timed.of(records, trends, Sites(position, normal, slanted), np.arange(count), 0, none + 9, none, none), position
+
+
+def test_light_goes_with_places_that_turn_and_move() -> None:
+    """Records and points turned and moved alike, twice: what records say of the points stays, now and later. So do axes and
+    normals."""
+    timed, position = coloured(0)
+    rng = np.random.default_rng(1)
+    points, normals = position + rng.normal(size=(4, 3)) * 0.05, timed.records.normal
+    turn, index, moved = np.eye(3), np.arange(4), timed
+    place = position
+    for axis, angle, shift in ((0, 0.4, [0.1, 0.2, 0.3]), (1, -0.7, [-0.4, 0.0, 0.2])):
+        one = turn_about(axis, angle)
+        there = place @ one.T + shift
+        moved = moved.carried(index, np.tile(one, (4, 1, 1)), there - place)
+        points, normals, turn, place = points @ one.T + shift, normals @ one.T, one @ turn, there
+    for frame in (0, 5):
+        here, _ = gather(position + (points - place) @ turn, timed.records.normal, timed.at(frame), 0.9)
+        there, _ = gather(points, normals, moved.at(frame), 0.9)
+        np.testing.assert_allclose(there, here, rtol=1e-9)
+    np.testing.assert_allclose(moved.sites.geometric, timed.sites.geometric @ turn.T, atol=1e-12)
+    np.testing.assert_allclose(moved.sites.normal, moved.records.normal, atol=1e-12)
+    np.testing.assert_allclose(moved.tangents, timed.tangents @ turn.T, atol=1e-12)
+    some = timed.carried(index[:1], np.tile(turn_about(0, 0.4), (1, 1, 1)), np.ones((1, 3)))
+    np.testing.assert_array_equal(some.records.translation[1:], timed.records.translation[1:])
+
+
+def test_light_that_turns_with_its_place_has_no_trend_but_its_own() -> None:
+    """A successor with the light of the record before it, which turned with its place before it was made, and again until its
+    successor came: gradients are compared in the axes of the place."""
+    first, _ = coloured(3)
+    index, one, two = np.arange(4), np.tile(turn_about(0, 0.9), (4, 1, 1)), np.tile(turn_about(2, 0.5), (4, 1, 1))
+    old = first.carried(index, one, np.zeros((4, 3)))
+    new = replace(old.carried(index, two, np.zeros((4, 3))), born=np.full(4, 9), life=np.full(4, 1))
+    brighter = replace(new, records=replace(new.records, irradiance=new.records.irradiance + 0.9))
+    found, waits = succeeded(old, np.ones(4, bool), brighter, 9)
+    assert not waits.any()
+    np.testing.assert_allclose(found.trends.irradiance, 0.1, rtol=1e-9)
+    np.testing.assert_allclose(found.trends.translation, 0, atol=1e-12)
+    np.testing.assert_allclose(found.trends.rotation, 0, atol=1e-12)
+
+
+def test_trends_are_scaled_channel_by_channel_and_shrunk_in_their_translation() -> None:
+    rng = np.random.default_rng(5)
+    shapes = ((2, 3), (2, 3, 3), (2, 3, 3), (2, 4, 3), (2, 2, 4, 3))
+    trends = Trends(*(rng.normal(size=shape) for shape in shapes))
+    factor = rng.random((2, 3))
+    scaled = trends.scaled(factor)
+    for name, channels in (
+        ("irradiance", "kc"),
+        ("translation", "kci"),
+        ("rotation", "kci"),
+        ("coefficients", "kic"),
+        ("coefficient_gradients", "kdic"),
+    ):
+        column = getattr(trends, name)
+        np.testing.assert_allclose(getattr(scaled, name), np.einsum(f"{channels},kc->{channels}", column, factor))
+    shrunk = trends.shrunk(np.array([0.5, 1.0]))
+    for name in ("irradiance", "translation", "rotation", "coefficients", "coefficient_gradients"):
+        by = 0.5 if name in ("translation", "coefficient_gradients") else 1.0
+        np.testing.assert_allclose(getattr(shrunk, name)[0], by * getattr(trends, name)[0])
+        np.testing.assert_array_equal(getattr(shrunk, name)[1], getattr(trends, name)[1])
+
+
 def test_h17_a_channel_never_goes_below_zero() -> None:
     trends = Trends(np.array([[-0.1, -0.4, 0.0]]), np.zeros((1, 3, 3)), np.zeros((1, 3, 3)))
     np.testing.assert_array_equal(timed_at(np.ones((1, 3)), 0, 9, trends).at(5).irradiance, [[0.5, 0, 1]])
@@ -187,8 +274,6 @@ def test_overlay_draws_visible_records_in_the_colours_of_their_lives() -> None:
     behind = world.camera.pose[:3, 3] + world.camera.pose[:3, 2][None]
     timed = timed_at(np.ones((4, 3)), 0, 1)
     sites = Sites(np.concatenate([position, hidden, behind]), np.zeros((4, 3)), np.zeros((4, 3)))
-    from dataclasses import replace
-
     picture = overlay(
         [replace(timed, sites=sites, life=np.array([1, 20, 10, 10]))],
         20,
