@@ -111,6 +111,6 @@ def test_lights_of_a_part_are_sampled_as_those_of_the_whole() -> None:
     here, cells = floor(motion.before, places), sampling.coarse(grid_of(1024), grid_of(256)).cells
     sampler = polar(motion.before, 1024)
     cast, _ = sampler.cast(here, number)
-    radiance, _, _ = RayCast(motion, sampler, ReflectedDirectLight(motion.after))(cast.part(np.arange(2), cells))
+    found, _ = RayCast(motion, sampler, ReflectedDirectLight(motion.after))(cast.part(np.arange(2), cells))
     whole, _ = polar(motion.after, 1024).cast(here, number)
-    np.testing.assert_allclose(radiance.reshape(2, -1, 3), whole.radiance.reshape(2, -1, 3)[:, cells], atol=1e-5)
+    np.testing.assert_allclose(found.radiance.reshape(2, -1, 3), whole.found.radiance.reshape(2, -1, 3)[:, cells], atol=1e-5)
