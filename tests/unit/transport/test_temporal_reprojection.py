@@ -90,7 +90,7 @@ def test_moved_hits_are_drawn_as_said(shift: tuple[float, float, float], f: int,
         sites=SimpleNamespace(normal=np.array([[0.0, 0, 1]])),
         tangents=np.eye(3)[None, :2],
         origins=np.zeros((GRID.cells, 3), np.float32),
-        nearness=(1 / distance).astype(np.float32),
+        found=SimpleNamespace(nearness=(1 / distance).astype(np.float32)),
     )
     hits, ray = direction * distance[:, None], np.arange(GRID.cells)
     moved = Moved(ray, hits, hits + np.where(moves[:, None], shift, 0), np.tile(facing, (GRID.cells, 1)), moves)
