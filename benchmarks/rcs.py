@@ -50,7 +50,8 @@ TRANSPORT = "one-bounce"
 PATHS = (4, 16, 64, 256, 1024)
 ACCURACIES = (0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07)
 GLOSSY: dict[str, dict[str, Any]] = {
-    "records": {}, "traced, 64 rays": {"harmonics": 2, "lobe_rays": 64}, "traced, 256 rays": {"harmonics": 2, "lobe_rays": 256},
+    "records": {}, "records alone": {"glossy_pixels": 1},
+    "traced, 64 rays": {"harmonics": 2, "lobe_rays": 64}, "traced, 256 rays": {"harmonics": 2, "lobe_rays": 256},
     "as diffuse": {"glossy": "diffuse"},
 }  # fmt: skip
 EXPONENTS, ORDERS, VIEWS = (5.0, 20.0, 100.0), (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12), (0.0, 30.0, 60.0)

@@ -29,6 +29,8 @@ SHARED: dict[str, Any] = {"a": 0.2, "rays": 1024, "glossy_rays": 4096}
 WAYS: dict[str, dict[str, Any]] = {
     "per-frame": {"cache": "per-frame"},
     "norm": {},
+    "per-frame, records alone": {"cache": "per-frame", "glossy_pixels": 1},
+    "norm, records alone": {"glossy_pixels": 1},
     "coefficients": {"glossy_rate": "coefficients"},
     "static": {"cache": "static"},
     "diffuse": {"glossy": "diffuse"},
@@ -81,7 +83,7 @@ def measure(name: str, frames: tuple[int, int], longest: int, spp: int) -> None:
         found = frame_errors(run.indirect, truth)
         steady = run.cpu[1:-1].sum()
         print(
-            f"{way:12s} cpu {run.cpu.sum():7.2f} s, steady {steady:7.2f} s, rays {run.rays.sum() / 1e6:6.1f} M,"
+            f"{way:24s} cpu {run.cpu.sum():7.2f} s, steady {steady:7.2f} s, rays {run.rays.sum() / 1e6:6.1f} M,"
             f" records {run.records.sum():6d}, error {root_mean(found.error):.4f}, flicker {root_mean(found.change):.4f}",
             flush=True,
         )  # fmt: skip

@@ -29,6 +29,12 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyte
 
 
 @pytest.fixture
+def software_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Methods take the device for a software rasteriser, and ask no driver."""
+    monkeypatch.setattr("renderers.method.device_string", lambda: "llvmpipe (LLVM 15.0.6, 256 bits)")
+
+
+@pytest.fixture
 def toy_methods(monkeypatch: pytest.MonkeyPatch) -> None:
     """The methods `flat` and `budget` are registered, in child processes too."""
     path = [str(ROOT), str(PLUGINS), *filter(None, [os.environ.get("PYTHONPATH")])]

@@ -9,6 +9,7 @@ differences.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -135,6 +136,13 @@ class Film:
         return np.asarray(100 * (1 - np.mean(np.abs(self.images - self.truth) / floor, axis=1)))
 
 
+def hold_places(
+    monkeypatch: pytest.MonkeyPatch, held: Callable[[F64], Any] = lambda position: np.ones(len(position), bool)
+) -> None:
+    """Say which places (N, 3) lie on a surface, (N,), where there is no scene: all of them."""
+    monkeypatch.setattr(temporal_cache, "anchors", lambda world, sites: SimpleNamespace(held=held(sites.position)))
+
+
 def run(
     monkeypatch: pytest.MonkeyPatch,
     mode: str,
@@ -146,8 +154,7 @@ def run(
     **policy: Any,
 ) -> Film:
     """So many frames, and as many more as their records live. pan: floor units a frame that the view moves by."""
-    # the floor holds all places
-    monkeypatch.setattr(temporal_cache, "anchors", lambda world, sites: SimpleNamespace(held=np.ones(len(sites.position), bool)))
+    hold_places(monkeypatch)
     chosen = Policy(**{"guard": False, "stagger": False, "frozen": mode == "none", **policy})
     cache, films, open_ = TemporalCache(chosen), [], []
     canvases, truth, counters = [], [], []

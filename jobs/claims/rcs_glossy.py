@@ -15,7 +15,8 @@ ACCURACY, ORDER, RAYS = 0.25, 10, 4096
 PUBLISHED_IRRADIANCE, PUBLISHED_RADIANCE, PUBLISHED_SECONDS = 3023, 869, 12.18
 SPLAT_SHARE = 100 * (0.06591 + 0.9355) / PUBLISHED_SECONDS
 SETTINGS: dict[str, Any] = {
-    "a": ACCURACY, "glossy_a": ACCURACY, "harmonics": ORDER, "rays": RAYS, "glossy_rays": RAYS, "placement": "bounded",
+    "a": ACCURACY, "glossy_a": ACCURACY, "harmonics": ORDER, "rays": RAYS, "glossy_rays": RAYS, "glossy_pixels": 1,
+    "placement": "bounded",
 }  # fmt: skip
 REFERENCE_NOISE, REFERENCE_SECONDS = 0.01, 150.0
 

@@ -111,7 +111,8 @@ class _Collected(NamedTuple):
         if number in truth.frames:
             self.pictures.append(_indirect(frame, truth.direct[truth.frames.index(number)]))
         spent = [(t.cpu_s, t.wall_s) for t in frame.timings if t.stage == "render"]
-        self.rows.append((*np.sum(spent, axis=0), *(frame.counters.get(name, 0) for name in COUNTED)))
+        rays, *others = (frame.counters.get(name, 0) for name in COUNTED)
+        self.rows.append((*np.sum(spent, axis=0), rays + frame.counters.get("lobe_rays", 0), *others))
 
     def run(self, truth: Truth) -> Run:
         """All of it."""

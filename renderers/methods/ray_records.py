@@ -17,6 +17,7 @@ from renderers.scene.world import World
 if TYPE_CHECKING:
     from renderers.gbuffer import GBuffer
     from renderers.transport.caching.placement import Placement
+    from renderers.transport.caching.traced import Price
 
 PILOT_RAYS = 64
 BY_CURVATURE = ("hessian", "hessian-bounded")
@@ -44,6 +45,12 @@ class RecordSettings(Settings):
     )
     glossy_a: float = setting(0.15, "accuracy of radiance records", source="Gautron 2006 §4.8", ge=0.01, le=1)
     glossy_rays: int = setting(16384, "rays a radiance record", ge=16, le=65536)
+    glossy_pixels: int | None = setting(
+        None,
+        "fewest pixels that a radiance record is made for: fewer are traced, glossy_rays / 2 glossy_pixels rays each; 1: none are;"
+        " empty: by their lobes, so that tracing them isn't dearer than a record",
+        source="luxmeter", ge=1, le=65536,
+    )  # fmt: skip
     harmonics: int | None = setting(
         None, "order of radiance records; empty: what the materials need, up to 12", source="Gautron 2006 §4.8", ge=2, le=16
     )
@@ -85,6 +92,13 @@ def placement_of(world: World, height: int, settings: Any, seed: int) -> Placeme
 def glossy_placement_of(world: World, height: int, settings: Any, seed: int) -> Placement:
     """The same for radiance records, whose curvature nobody knows."""
     return placement_of(world, height, settings.model_copy(update={"a": settings.glossy_a, "placement": "bounded"}), seed)
+
+
+def price_of(settings: Any) -> Price:
+    """What radiance records cost."""
+    from renderers.transport.caching.traced import Price
+
+    return Price(settings.glossy_rays, settings.glossy_pixels)
 
 
 def chosen_placement(settings: Any) -> str:

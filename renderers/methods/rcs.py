@@ -32,6 +32,7 @@ depend on the order of the records, and after the records every pixel is reached
 | glossy        | records |      | records, diffuse              | glossy surfaces by radiance records, or as diffuse ones    |
 | glossy_a      | 0.15    | 1    | 0.01 … 1                      | accuracy of radiance records                               |
 | glossy_rays   | 16384   | 1    | 16 … 65536                    | rays a radiance record                                     |
+| glossy_pixels | auto    | 1    | 1 … 65536                     | fewest pixels that a radiance record is made for           |
 | harmonics     | auto    | 1    | 2 … 16                        | order of radiance records; auto: by material, up to 12     |
 | sharp         | traced  |      | traced, truncated             | lobes beyond the order                                     |
 | lobe_rays     | 256     | 1    | 1 … 4096                      | rays a pixel of a traced lobe                              |
@@ -59,6 +60,7 @@ from renderers.methods.ray_records import (
     chosen_placement,
     glossy_placement_of,
     placement_of,
+    price_of,
     warm_up,
 )
 from renderers.scene.model import Scene
@@ -199,7 +201,8 @@ def passes_of(world: World, settings: Any, context: Context, counters: Counter[s
 
             prepare_turns(gloss.order)
         how = glossy_placement_of(world, height, settings, seed)
-        radiance = RadianceCache(world, gloss, sampler_of_order(gloss.order), pilot, how, settings.records, splat)
+        price, compute = price_of(settings), sampler_of_order(gloss.order)
+        radiance = RadianceCache(world, gloss, price, compute, pilot, how, settings.records, splat)
     return Passes(world, diffuse, radiance, gloss, settings.lobe_rays, incoming)
 
 

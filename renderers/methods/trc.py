@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 from renderers.frame import Frame
 from renderers.method import Claim, Context, SequenceMethod, Transport, register, setting
 from renderers.methods.foresight import ahead_of, backend_of, prepare, samplers_of
-from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of
+from renderers.methods.ray_records import RecordSettings, chosen_placement, glossy_placement_of, placement_of, price_of
 from renderers.scene.model import Scene
 from renderers.scene.world import World
 
@@ -189,7 +189,7 @@ class _Run:
     def built(self, context: Context, waiting: Sequence[Pending]) -> Pending:
         """The next frame's records and all else that is needed to draw it; earlier frames get the successors they wait for."""
         from renderers.transport.temporal.pending import Pending
-        from renderers.transport.temporal.views import direct_of, gbuffers_of, looks_of, traced_of
+        from renderers.transport.temporal.views import alone_of, direct_of, gbuffers_of, looks_of, traced_of
 
         counters, watch, settings = Counter(dict.fromkeys(COUNTED, 0)), context.watch, self.settings
         if self.motion is None:
@@ -201,7 +201,7 @@ class _Run:
             gloss = self._gloss(world)
         with watch("gbuffer"):
             gbuffers = gbuffers_of(world, context.size, settings.subpixels)
-            looks = [looks_of(world, gbuffer, gloss) for gbuffer in gbuffers]
+            looks = [looks_of(world, gbuffer, gloss, price_of(settings)) for gbuffer in gbuffers]
         with watch("direct"):
             direct = direct_of(world, gbuffers, settings.light_samples, context.seed, counters)
         with watch("lobes"):
@@ -212,7 +212,9 @@ class _Run:
                 earlier = [frame.shares[name] for frame in waiting if name in frame.shares]
                 stage = self._stage(name, context, counters)
                 shares[name] = layer.share(stage, [look[name] for look in looks], earlier, counters)
-        return Pending(context, shares, direct, traced, counters, world.camera, gbuffers[0].position, gloss)
+        with watch("lobes"):
+            alone = alone_of(world, gbuffers, looks, gloss, price_of(settings), context.seed, counters)
+        return Pending(context, shares, direct, traced, alone, counters, world.camera, gbuffers[0].position, gloss)
 
     def look_ahead(self, context: Context, waiting: Sequence[Pending]) -> None:
         """One frame past the range: successors of the records that live in its last frames, and nothing else."""
@@ -289,8 +291,8 @@ class _Run:
     def _looks(self, world: World, size: tuple[int, int], name: str) -> list[Look]:
         from renderers.transport.temporal.views import gbuffers_of, looks_of
 
-        gloss = self._gloss(world)
-        return [looks_of(world, gbuffer, gloss)[name] for gbuffer in gbuffers_of(world, size, self.settings.subpixels)]
+        gloss, price = self._gloss(world), price_of(self.settings)
+        return [looks_of(world, gbuffer, gloss, price)[name] for gbuffer in gbuffers_of(world, size, self.settings.subpixels)]
 
 
 register(TemporalRadianceCaching)

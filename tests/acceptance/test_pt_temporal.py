@@ -7,6 +7,9 @@ import pytest
 from temporal_rooms import room
 
 from renderers import get_method
+from renderers.scene.builder import SceneBuilder
+from renderers.scene.builtin.solids import quads_shape
+from renderers.scene.model import Lambert
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.temporal.accumulation import History, accumulated
 
@@ -63,6 +66,35 @@ def test_what_another_instance_covered_is_forgotten() -> None:
     assert uncovered.sum() > 5
     # only where all four pixels around were covered, nothing of them is taken
     assert np.median(now.age[uncovered]) == 1
+
+
+def test_no_surface_takes_the_past_of_another() -> None:
+    """From a camera that slides along: one instance (a shelf, what lies below it, and a slope of 45° that rises from there), and a
+    tile beside it in the plane of the latter. Each pixel shows the number of its surface, and the mean of two frames is that
+    number again, whether edge, depth or instance parts it from its neighbours."""
+    b = SceneBuilder("step")
+    paint = b.material(Lambert())
+
+    def quad(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> list[tuple[float, float, float]]:
+        return [(x[0], y[0], z[0]), (x[1], y[0], z[1]), (x[1], y[1], z[1]), (x[0], y[1], z[0])]
+
+    faces = [quad((-2.5, -1), (-1, 1), (0.5, 0.5)), quad((-2, -0.3), (-1, 0), (0, 0)), quad((-0.3, 0.2), (-1, 0), (0, 0.5))]
+    b.place(quads_shape(faces), paint, "step")
+    b.quad(quad((-2, -0.3), (0, 1), (0, 0)), paint, "tile")
+    camera = b.camera((0, 0, 3), (0, 0, 0), np.radians(30))
+    b.animate(camera, "translation", [0, 1 / 24], [(0, 0, 3), (0.33, 0, 3)])
+    scene, past = b.build(), None
+    for k in (0, 1):
+        world = scene.world(k)
+        gbuffer = cast_gbuffer(world, (256, 64))
+        # halves of the step's three faces come one after the other
+        face = np.where(gbuffer.triangle < 6, gbuffer.triangle % 3, 3)
+        number = np.repeat(face[..., None], 3, axis=2).astype(np.float32)
+        past = accumulated(number, world, gbuffer, past, 0.5)
+    assert past is not None
+    assert set(np.unique(number[gbuffer.covered])) == {0, 1, 2, 3}
+    assert (past.age[gbuffer.covered] > 1.5).mean() > 0.7
+    np.testing.assert_allclose(past.mean[gbuffer.covered], number[gbuffer.covered], atol=1e-9)
 
 
 @pytest.mark.mitsuba

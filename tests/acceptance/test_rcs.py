@@ -24,12 +24,7 @@ from renderers.transport.primary import cast_gbuffer
 F64 = NDArray[np.float64]
 METHOD = RadianceCacheSplatting()
 FINE = Grid(32, 100)
-
-
-@pytest.fixture(autouse=True)
-def _software_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    """These tests are about the CPU path."""
-    monkeypatch.setattr("renderers.method.device_string", lambda: "llvmpipe (LLVM 15.0.6, 256 bits)")
+pytestmark = pytest.mark.usefixtures("software_device")  # the CPU path
 
 
 @pytest.fixture(scope="module")

@@ -20,12 +20,7 @@ from renderers.transport.surface import surface_at
 
 METHOD = RadianceCacheSplatting()
 SIZE = (16, 12)
-
-
-@pytest.fixture(autouse=True)
-def _software_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    """These tests are about the CPU path."""
-    monkeypatch.setattr("renderers.method.device_string", lambda: "llvmpipe (LLVM 15.0.6, 256 bits)")
+pytestmark = pytest.mark.usefixtures("software_device")  # the CPU path
 
 
 def painted(albedo: float) -> Scene:

@@ -4,36 +4,25 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from temporal_rooms import room
+from temporal_frames import (
+    COARSE,
+    METHOD,
+    MODES,
+    SIZE,
+    assert_any_number_of_threads,
+    assert_beginnings_agree,
+    assert_computed_once,
+    bytes_of,
+    frames_of,
+    total,
+)  # fmt: skip
+from temporal_rooms import room, slow_cube
 
-from renderers import Frame, get_method, load_scene
-from renderers.methods.trc import TemporalRadianceCaching, TrcSettings
-from renderers.scene.model import Scene
+from renderers import get_method, load_scene
+from renderers.methods.trc import TrcSettings
 from renderers.transport.temporal.lifespan import darkness, irradiance_rate, lifespan, radiance_rate, staggered
 
-METHOD = TemporalRadianceCaching()
-SIZE = (24, 24)
-COARSE = {"rays": 128, "a": 0.4}
-
-
-@pytest.fixture(autouse=True)
-def _software_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("renderers.method.device_string", lambda: "llvmpipe (LLVM 15.0.6, 256 bits)")
-
-
-def frames_of(scene: Scene, count: int, first: int = 0, **settings: object) -> list[Frame]:
-    """Frames first … first + count - 1."""
-    chosen = TrcSettings(**{**COARSE, **settings})  # type: ignore[arg-type]
-    return list(METHOD.render_frames(scene, chosen, size=SIZE, frames=(first, first + count - 1)))
-
-
-def slow_cube(frames: int = 60) -> Scene:
-    """A cube that slides along by 1 cm a frame."""
-    return room(cube=lambda t: np.stack([-0.6 + 0.01 * t, 0.4 + 0 * t, 0.45 + 0 * t], 1), frames=frames)
-
-
-def bytes_of(frame: Frame) -> bytes:
-    return frame.layers["beauty"].tobytes() + frame.layers["indirect"].tobytes()
+pytestmark = pytest.mark.usefixtures("software_device")
 
 
 def test_a1_closed_form_lifespan_is_the_longest_admitted() -> None:
@@ -82,6 +71,14 @@ def test_h1_black_records() -> None:
     assert darkness(black) > 0
 
 
+def test_the_channel_that_changes_most_counts_against_the_brightest() -> None:
+    """|τ - 1| of coloured light is max|E_1 - E_0| / max E_0, whichever channels these are; what is darker than
+    E_min counts as E_min."""
+    now = np.array([[1.0, 0.5, 0.1], [0.2, 2.0, 0.0], [0.3, 0.3, 3.0], [2e-6, 1e-6, 0.0]])
+    later = np.array([[1.01, 0.5, 0.3], [0.25, 2.0, 0.1], [0.0, 0.2, 3.0], [0.0, 1e-6, 0.0]])
+    np.testing.assert_allclose(irradiance_rate(now, later, 1e-4), [0.2, 0.05, 0.1, 0.02])
+
+
 def test_radiance_rate_is_not_fooled_as_the_printed_one_is() -> None:
     """Three counter-examples to max λ1/λ0: most coefficients halve; a small one changes sign; a tiny one grows fifty times."""
     now = np.array([[1.0, 0.8, 0.6, 0.02], [1.0, 0.8, 0.6, 0.02], [1.0, 0.8, 0.6, 1e-9]])
@@ -109,13 +106,9 @@ def test_cache_per_frame_is_radiance_cache_splatting(placement: str, meant: str)
         assert frame.counters["records"] == plain.counters["records"]
 
 
-@pytest.mark.parametrize("mode", ["none", "extrapolated", "interpolated"])
+@MODES
 def test_a_frame_does_not_depend_on_the_end_of_its_range(mode: str) -> None:
-    scene = slow_cube()
-    whole = frames_of(scene, 7, 3, gradients_in_time=mode, delta_max=5)
-    for cut in (1, 4):
-        part = frames_of(scene, cut, 3, gradients_in_time=mode, delta_max=5)
-        assert [bytes_of(f) for f in part] == [bytes_of(f) for f in whole[:cut]]
+    assert_beginnings_agree(slow_cube(), 7, 3, (1, 4), gradients_in_time=mode, delta_max=5)
 
 
 def test_a18_the_records_are_the_same_in_all_modes() -> None:
@@ -127,14 +120,8 @@ def test_a18_the_records_are_the_same_in_all_modes() -> None:
 
 
 def test_a_still_scene_is_computed_once_and_gives_the_same_bytes() -> None:
-    """Every record lives; those at the end of their lives are kept as they are."""
     for scene in (room(), load_scene("cornell-box")):
-        frames = frames_of(scene, 4, delta_max=2)
-        assert len({bytes_of(f) for f in frames}) == 1
-        assert frames[0].counters["records_new"] > 0
-        for frame in frames[1:]:
-            assert frame.counters["records"] == 0
-            assert frame.counters["records_renewed"] == frame.counters["records_kept"]
+        assert_computed_once(scene)
 
 
 def test_a22_a_life_of_one_frame_computes_every_place_in_every_frame() -> None:
@@ -149,7 +136,7 @@ def test_a22_a_life_of_one_frame_computes_every_place_in_every_frame() -> None:
 @pytest.mark.parametrize("quantity", ["delta_max", "a_t"])
 def test_a23_a24_longer_lives_need_fewer_records(quantity: str) -> None:
     values = (1, 2, 5, 10) if quantity == "delta_max" else (0.001, 0.01, 0.2)
-    totals = [sum(f.counters["records"] for f in frames_of(slow_cube(), 12, **{quantity: v}, stagger=False)) for v in values]
+    totals = [total(frames_of(slow_cube(), 12, **{quantity: v}, stagger=False), "records") for v in values]
     assert all(a >= b for a, b in pairwise(totals)), totals
     assert totals[0] > 1.5 * totals[-1]
 
@@ -172,14 +159,4 @@ def test_a28_light_is_that_of_path_tracing() -> None:
 
 
 def test_same_bytes_at_any_thread_count() -> None:
-    import numba
-
-    threads = numba.get_num_threads()
-    images = []
-    try:
-        for count in (1, threads):
-            numba.set_num_threads(count)
-            images.append([bytes_of(f) for f in frames_of(slow_cube(), 3, delta_max=2)])
-    finally:
-        numba.set_num_threads(threads)
-    assert images[0] == images[1]
+    assert_any_number_of_threads(slow_cube())

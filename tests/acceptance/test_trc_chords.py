@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from temporal_toy import run
 
-from renderers.transport.temporal.chords import CHORD, chord_lifespan, curvature
+from renderers.transport.caching.records import Records, Sites
+from renderers.transport.temporal.chords import CHORD, chord_lifespan, curvature, first_of_a_place, lengthened
+from renderers.transport.temporal.records import Timed
+from renderers.transport.temporal.trends import Trends
 
 ONE = np.ones(1, np.int64)
 YES, NO = np.ones(1, bool), np.zeros(1, bool)
@@ -43,6 +47,41 @@ def test_chords_are_off_by_no_more_than_asked_and_would_be_a_frame_later() -> No
     assert (bend * (life + 1) ** 2 / 8 > error)[life < 20].all()
     assert len(np.unique(life)) == 20
     assert chord_lifespan(np.array([0.0, np.inf]), error, 20).tolist() == [20, 1]
+
+
+def successor(first: NDArray[np.float64], now: NDArray[np.float64], later: NDArray[np.float64], least: float) -> int:
+    """Life of a successor after one frame of another, whose life by the rate is one frame; δ_max = 20, a_t = 0.05. Light: (n, 3)
+    coefficients, or (3,) irradiance."""
+    zero, three, none = np.zeros((1, 3, 3)), np.zeros((1, 3)), np.zeros(1, np.int64)
+
+    def records(light: NDArray[np.float64]) -> Records:
+        irradiance, carried = (light[None], None) if light.ndim == 1 else (three, light[None])
+        slopes = None if carried is None else np.zeros((1, 2, *light.shape))
+        return Records(three, three, np.ones(1), irradiance, zero, zero, carried, slopes)
+
+    old, new = (
+        Timed.of(records(light), Trends.none(1), Sites(three, three, three), none, frame, none + 1, none, none)
+        for frame, light in ((0, first), (1, now))
+    )
+    old = first_of_a_place(old, old.records, old.records, NO)
+    return int(lengthened(new, old, records(now), records(later), YES, least, 0.05, 20).life[0])
+
+
+def test_chords_of_what_nobody_sees_are_as_long_as_may_be() -> None:
+    """Light bends by all of itself, but is a thousandth of E_min: twice the life before. Were it E_min itself, one frame."""
+    light = [np.full(3, value) for value in (1e-6, 2e-6, 1e-6)]
+    assert successor(*light, least=1e-3) == 2
+    assert successor(*(1000 * value for value in light), least=1e-3) == 1
+
+
+def test_chords_of_radiance_go_by_norms() -> None:
+    """One coefficient holds the light, 48 bend by b each: so that |λ''| / |λ| = √48 b, and chords of two frames are allowed
+    while √(8 · 0.0125 / (√48 b)) ≥ 2."""
+    for bend, life in ((0.025 / np.sqrt(48) * 0.99, 2), (0.025 / np.sqrt(48) * 1.01, 1)):
+        now = np.zeros((16, 3))
+        now[0] = 1 / np.sqrt(3)
+        # the slope before is 0, the one foreseen is b
+        assert successor(now, now, now + bend, least=1e-6) == life
 
 
 def test_under_a_moving_light_chords_need_fewer_records_and_err_no_more(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,18 +1,28 @@
 """Radiance records in time: rates, trends, places that turn, and frames of glossy scenes."""
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from temporal_rooms import room, toy_box
+from temporal_frames import (
+    COARSE,
+    MODES,
+    SIZE,
+    assert_any_number_of_threads,
+    assert_beginnings_agree,
+    assert_computed_once,
+    bytes_of,
+    frames_of,
+    polar,
+    sampled,
+    total,
+)  # fmt: skip
+from temporal_rooms import floor, line, room, slow_cube, toy_box
 
-from renderers import Frame, get_method, load_scene
-from renderers.methods.trc import TemporalRadianceCaching, TrcSettings
+from renderers import get_method, load_scene
 from renderers.scene.model import GGX, Material, Phong, Scene
 from renderers.transport.caching.glossy import reflected
-from renderers.transport.caching.hemisphere import grid_of
 from renderers.transport.caching.incoming import ReflectedDirectLight
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.splat import Canvas
@@ -22,28 +32,11 @@ from renderers.transport.temporal.lifespan import change_rate, dark_level
 from renderers.transport.temporal.motion import motion_between
 from renderers.transport.temporal.prediction import RayCast, Reprojection
 from renderers.transport.temporal.records import Timed, succeeded
-from renderers.transport.temporal.sampling import TemporalSampler
 from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
-METHOD = TemporalRadianceCaching()
-SIZE = (24, 18)
-COARSE = {"rays": 128, "a": 0.4, "glossy_rays": 256, "glossy_a": 0.4, "lobe_rays": 8}
 ORDER = 4
-
-
-@pytest.fixture(autouse=True)
-def _software_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("renderers.method.device_string", lambda: "llvmpipe (LLVM 15.0.6, 256 bits)")
-
-
-def frames_of(scene: Scene, count: int, first: int = 0, **settings: object) -> list[Frame]:
-    chosen = TrcSettings(**{**COARSE, **settings})  # type: ignore[arg-type]
-    return list(METHOD.render_frames(scene, chosen, size=SIZE, frames=(first, first + count - 1)))
-
-
-def bytes_of(frame: Frame) -> bytes:
-    return frame.layers["beauty"].tobytes() + frame.layers["indirect"].tobytes()
+pytestmark = pytest.mark.usefixtures("software_device")
 
 
 def polished(scene: Scene, *others: Material) -> Scene:
@@ -52,9 +45,9 @@ def polished(scene: Scene, *others: Material) -> Scene:
     return replace(scene, materials=(*others, *plain[len(others) :]))
 
 
-def slow_cube(frames: int = 60) -> Scene:
+def slow_glossy_cube() -> Scene:
     """A glossy room, and a glossy cube that slides along by 1 cm a frame."""
-    return polished(room(cube=lambda t: np.stack([-0.6 + 0.01 * t, 0.4 + 0 * t, 0.45 + 0 * t], 1), frames=frames))
+    return polished(slow_cube())
 
 
 def carrying(coefficients: F64, gradients: F64 | None = None, radius: float = 1.0) -> Records:
@@ -100,11 +93,12 @@ def test_a_single_coefficient_counts_by_its_share_of_the_function() -> None:
 
 
 def test_black_radiance_has_a_floor() -> None:
-    black, lit = carrying(np.zeros((1, 9, 3))), carrying(np.full((1, 9, 3), 0.5))
+    black, dim, lit = (carrying(np.full((1, 9, 3), value)) for value in (0.0, 1e-9, 0.5))
     least = dark_level(Records.joined([black, lit]))
     for together in (True, False):
         assert change_rate(black, black, least, together) == 0
         assert change_rate(black, lit, least, together) > 100
+        assert change_rate(dim, black, least, together) < 1e-4
 
 
 def waves(x: F64, y: F64, t: float) -> dict[str, F64]:
@@ -184,27 +178,17 @@ def test_a_place_that_turns_takes_its_radiance_along() -> None:
     np.testing.assert_allclose(found[1], found[0], atol=2e-3 * np.abs(found[0]).max())
 
 
-def radiance_sampler(scene: Scene, frame: int, rays: int = 1024, sparse: int = 1) -> TemporalSampler:
-    world = scene.world(frame)
-    return TemporalSampler(world, grid_of(rays), ReflectedDirectLight(world), 0, Counter(), sparse, ORDER)
-
-
 def places(scene: Scene, count: int) -> Sites:
     """On the floor of the box, at rest."""
-    rng = np.random.default_rng(1)
-    world = scene.world(0)
-    position = (np.column_stack([rng.uniform(-0.9, 0.9, (count, 2)), np.zeros(count)]) - world.centre) * world.scale
-    up = np.tile([0.0, 0, 1], (count, 1))
-    return Sites(position, up, up)
+    return floor(scene.world(0), np.random.default_rng(1).uniform(-0.9, 0.9, (count, 2)))
 
 
 def test_recasting_foresees_the_coefficients_of_the_next_frame() -> None:
     scene = toy_box(light_speed=0.0)
-    motion, here, number = motion_between(scene.world(4), scene.world(5)), places(scene, 12), np.arange(12)
-    sampler = radiance_sampler(scene, 4)
-    ahead = RayCast(motion, sampler, ReflectedDirectLight(motion.after))
-    now, later = sampler.sample(here, number, ahead)
-    exact, _ = radiance_sampler(scene, 5).sample(here, number)
+    motion, here = motion_between(scene.world(4), scene.world(5)), places(scene, 12)
+    sampler = polar(motion.before, 1024, order=ORDER)
+    now, later = sampled(sampler, here, RayCast(motion, sampler, ReflectedDirectLight(motion.after)))
+    exact, _ = sampled(polar(motion.after, 1024, order=ORDER), here)
     for name in ("coefficients", "coefficient_gradients"):
         assert np.abs(getattr(now, name) - getattr(exact, name)).max() > 1e-3
         np.testing.assert_allclose(getattr(later, name), getattr(exact, name), atol=1e-9)
@@ -213,11 +197,10 @@ def test_recasting_foresees_the_coefficients_of_the_next_frame() -> None:
 def test_reprojection_foresees_most_of_the_change_in_cells_of_equal_solid_angle() -> None:
     """Relative error of the coefficients: at most half of that of light taken for constant; none where nothing moves."""
     scene = toy_box(light_speed=0.0, speed=2.0)
-    motion, here, number = motion_between(scene.world(4), scene.world(5)), places(scene, 24), np.arange(24)
-    sampler = radiance_sampler(scene, 4, 4096)
-    ahead = Reprojection(motion, sampler, ReflectedDirectLight(motion.after), 4)
-    now, later = sampler.sample(here, number, ahead)
-    exact, _ = radiance_sampler(scene, 5, 4096).sample(here, number)
+    motion, here = motion_between(scene.world(4), scene.world(5)), places(scene, 24)
+    sampler = polar(motion.before, order=ORDER)
+    now, later = sampled(sampler, here, Reprojection(motion, sampler, ReflectedDirectLight(motion.after), 4))
+    exact, _ = sampled(polar(motion.after, order=ORDER), here)
     assert now.coefficients is not None
     assert later.coefficients is not None
     assert exact.coefficients is not None
@@ -226,7 +209,7 @@ def test_reprojection_foresees_most_of_the_change_in_cells_of_equal_solid_angle(
     assert constant.mean() > 0.005
     assert error.mean() <= 0.5 * constant.mean()
     still = motion_between(motion.before, motion.before)
-    same, again = sampler.sample(here, number, Reprojection(still, sampler, ReflectedDirectLight(still.after), 4))
+    same, again = sampled(sampler, here, Reprojection(still, sampler, ReflectedDirectLight(still.after), 4))
     np.testing.assert_array_equal(same.coefficients, again.coefficients)  # type: ignore[arg-type]
 
 
@@ -245,42 +228,24 @@ def test_cache_per_frame_is_radiance_cache_splatting(others: tuple[Material, ...
 
 
 def test_a_still_glossy_scene_is_computed_once_and_gives_the_same_bytes() -> None:
-    frames = frames_of(load_scene("cornell-glossy"), 4, delta_max=2)
-    assert len({bytes_of(f) for f in frames}) == 1
-    assert frames[0].counters["radiance_records"] > 10
-    for frame in frames[1:]:
-        assert frame.counters["records"] == 0
-        assert frame.counters["records_renewed"] == frame.counters["records_kept"]
+    assert assert_computed_once(load_scene("cornell-glossy")).counters["radiance_records"] > 10
 
 
-@pytest.mark.parametrize("mode", ["none", "extrapolated", "interpolated"])
+@MODES
 def test_a_glossy_frame_does_not_depend_on_the_end_of_its_range(mode: str) -> None:
-    scene = slow_cube()
-    whole = frames_of(scene, 6, 3, gradients_in_time=mode, delta_max=4)
-    for cut in (1, 3):
-        part = frames_of(scene, cut, 3, gradients_in_time=mode, delta_max=4)
-        assert [bytes_of(f) for f in part] == [bytes_of(f) for f in whole[:cut]]
+    assert_beginnings_agree(slow_glossy_cube(), 6, 3, (1, 3), gradients_in_time=mode, delta_max=4)
 
 
 def test_glossy_frames_have_the_same_bytes_at_any_thread_count() -> None:
-    import numba
-
-    threads, images = numba.get_num_threads(), []
-    try:
-        for count in (1, threads):
-            numba.set_num_threads(count)
-            images.append([bytes_of(f) for f in frames_of(slow_cube(), 3, delta_max=2)])
-    finally:
-        numba.set_num_threads(threads)
-    assert images[0] == images[1]
+    assert_any_number_of_threads(slow_glossy_cube())
 
 
 @pytest.mark.parametrize("follow", [True, False])
 def test_few_records_keep_the_light_of_a_moving_cube_and_its_glossy_room(follow: bool) -> None:
     """Against records of each frame: less than half as many, and pictures within what interpolation leaves open."""
-    scene = slow_cube()
+    scene = slow_glossy_cube()
     kept, plain = frames_of(scene, 12, follow=follow), frames_of(scene, 12, cache="per-frame")
-    made = [sum(f.counters["radiance_records"] for f in frames) for frames in (kept, plain)]
+    made = [total(frames, "radiance_records") for frames in (kept, plain)]
     assert made[0] < 0.5 * made[1]
     last, exact = kept[-1].layers["indirect"], plain[-1].layers["indirect"]
     # at glossy_a = 0.4 two sets of records differ by that much in a frame without any history
@@ -290,12 +255,12 @@ def test_few_records_keep_the_light_of_a_moving_cube_and_its_glossy_room(follow:
 
 def test_a_moving_lamp_over_glossy_surfaces() -> None:
     """Coefficients that scale and turn with the lamp; norms alone ask for fewer records than single coefficients do."""
-    scene = polished(room(lamp=lambda t: np.stack([-0.4 + 0.02 * t, 0 * t, 2.5 + 0 * t], 1)))
+    scene = polished(room(lamp=line((-0.4, 0, 2.5), (0.02, 0, 0))))
     plain = frames_of(scene, 10, cache="per-frame")
     made = {}
     for rate in ("norm", "coefficients"):
         frames = frames_of(scene, 10, glossy_rate=rate)
-        made[rate] = sum(f.counters["radiance_records"] for f in frames)
+        made[rate] = total(frames, "radiance_records")
         exact = plain[-1].layers["indirect"]
         assert np.abs(frames[-1].layers["indirect"] - exact).mean() <= 0.15 * exact.mean()
-    assert made["norm"] < made["coefficients"] <= 1.05 * sum(f.counters["radiance_records"] for f in plain)
+    assert made["norm"] < made["coefficients"] <= 1.05 * total(plain, "radiance_records")

@@ -1,23 +1,18 @@
 """Holes of reprojected hemispheres: which way of filling them foresees best (A14)."""
 
-from collections import Counter
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from temporal_rooms import toy_box
+from temporal_frames import polar, sampled
+from temporal_rooms import floor, toy_box
 
-from renderers.transport.caching.hemisphere import grid_of
 from renderers.transport.caching.incoming import ReflectedDirectLight
-from renderers.transport.caching.records import Sites
 from renderers.transport.temporal import reprojection
 from renderers.transport.temporal.motion import motion_between
 from renderers.transport.temporal.prediction import Reprojection
-from renderers.transport.temporal.sampling import TemporalSampler
 
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
-GRID = grid_of(4096)
 
 
 def black(f: int, depth: F32, source: I64, radiance: F32, out: F32, near: F32) -> None:
@@ -41,15 +36,12 @@ def nearest(depth: F32, source: I64, holes: I64, cyclic: bool = True) -> int:
 def mean_error(frames: tuple[int, ...] = (5, 24, 40, 58, 77, 101), count: int = 16) -> float:
     """Of the irradiance that single points foresee at random places on the box's floor, relative."""
     scene, rng, errors = toy_box(), np.random.default_rng(1), []
-    up = np.broadcast_to([0.0, 0, 1], (count, 3))
     for frame in frames:
         motion = motion_between(scene.world(frame), scene.world(frame + 1))
-        position = np.concatenate([rng.uniform(-0.95, 0.95, (count, 2)), np.zeros((count, 1))], axis=1)
-        sites, places = Sites((position - motion.before.centre) * motion.before.scale, up, up), np.arange(count)
-        now, later = (TemporalSampler(w, GRID, ReflectedDirectLight(w), 0, Counter()) for w in (motion.before, motion.after))
+        places, now = floor(motion.before, rng.uniform(-0.95, 0.95, (count, 2))), polar(motion.before)
+        truth = sampled(polar(motion.after), places)[1].irradiance[:, 0]
         ahead = Reprojection(motion, now, ReflectedDirectLight(motion.after), 1)
-        truth = later.sample(sites, places)[1].irradiance[:, 0]
-        errors.append(np.abs(now.sample(sites, places, ahead)[1].irradiance[:, 0] / truth - 1))
+        errors.append(np.abs(sampled(now, places, ahead)[1].irradiance[:, 0] / truth - 1))
     return float(np.mean(errors))
 
 

@@ -1,27 +1,30 @@
 """What foresees the next frame, against the specification's checks: reprojection and recasting in lit rooms."""
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
-from caching_rooms import ALBEDOS_2, EYE_2, FORWARD_2, FOV_2, INTENSITY_2, shell
+from caching_rooms import ALBEDOS_2, EYE_2, FORWARD_2, FOV_2, INTENSITY_2, shell, sites
 from numpy.typing import NDArray
-from temporal_rooms import FPS, room, toy_box
+from temporal_frames import polar, sampled
+from temporal_rooms import FPS, floor, floor_and_wall, line, room, toy_box, yard
 
+from renderers.methods.foresight import ahead_of, samplers_of
+from renderers.methods.trc import TrcSettings
 from renderers.scene.builder import SceneBuilder
 from renderers.scene.model import Lambert, PointLight, Scene
 from renderers.scene.shapes import sphere
-from renderers.transport.caching.hemisphere import grid_of
+from renderers.scene.world import World
 from renderers.transport.caching.incoming import ReflectedDirectLight
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.temporal.motion import Motion, motion_between
 from renderers.transport.temporal.prediction import RayCast, Reprojection
 from renderers.transport.temporal.records import Timed
-from renderers.transport.temporal.sampling import Ahead, TemporalSampler
+from renderers.transport.temporal.sampling import Ahead
 from renderers.transport.temporal.trends import Trends
 
 F64 = NDArray[np.float64]
-GRID = grid_of(4096)
 
 
 def approaching(magnification: float) -> Scene:
@@ -41,13 +44,11 @@ def test_h7_an_approaching_ball_in_a_lit_room(magnification: float) -> None:
     """Places under it see between 0.3 and 1.3 of the change, by single points too; footprints come nearer to it."""
     scene = approaching(magnification)
     motion = motion_between(scene.world(0), scene.world(1))
-    places = np.array([(0.02, 0.01, 0), (0.2, -0.1, 0), (-0.3, 0.2, 0)])
-    up = np.broadcast_to([0.0, 0, 1], places.shape)
-    sites = Sites((places - motion.before.centre) * motion.before.scale, up, up)
-    now, exact = (sampled(world_sampler(w), sites).irradiance[:, 0] for w in (motion.before, motion.after))
+    places = floor(motion.before, [(0.02, 0.01), (0.2, -0.1), (-0.3, 0.2)])
+    now, exact = (irradiance(w, places) for w in (motion.before, motion.after))
     seen = {}
     for name, ahead in predictors(motion).items():
-        seen[name] = (sampled(world_sampler(motion.before), sites, ahead).irradiance[:, 0] - now) / (exact - now)
+        seen[name] = (irradiance(motion.before, places, ahead) - now) / (exact - now)
     for name in ("points 1", "points 4"):
         assert ((seen[name] >= 0.3) & (seen[name] <= 1.3)).all(), seen
     assert np.abs(seen["points 4"] - 1).mean() < np.abs(seen["points 1"] - 1).mean(), seen
@@ -59,37 +60,24 @@ class Estimates:
     def __init__(self, scene: Scene, frames: tuple[int, ...] = (5, 24, 40, 58, 77, 101), count: int = 16) -> None:
         rng, found = np.random.default_rng(1), []
         for frame in frames:
-            xy, wall = rng.uniform(-0.95, 0.95, (count, 2)), rng.random(count)[:, None] < 0.5
-            on_wall = np.stack([-np.ones(count), xy[:, 0], xy[:, 1] + 1], 1)
-            position = np.where(wall, on_wall, np.stack([*xy.T, np.zeros(count)], 1))
-            normal = np.where(wall, [[1.0, 0, 0]], [[0, 0, 1.0]])
-            found.append(self._errors(scene, frame, position, normal))
+            motion = motion_between(scene.world(frame), scene.world(frame + 1))
+            places = floor_and_wall(motion.before, rng, count)
+            later = irradiance(motion.after, places)
+            ways = {"none": None, **predictors(motion)}
+            found.append({name: irradiance(motion.before, places, ahead) / later - 1 for name, ahead in ways.items()})
         self.errors = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
-
-    def _errors(self, scene: Scene, frame: int, position: F64, normal: F64) -> dict[str, F64]:
-        motion = motion_between(scene.world(frame), scene.world(frame + 1))
-        sites = Sites((position - motion.before.centre) * motion.before.scale, normal, normal)
-        now, later = (sampled(world_sampler(w), sites).irradiance[:, 0] for w in (motion.before, motion.after))
-        errors = {"none": now / later - 1}
-        for name, ahead in predictors(motion).items():
-            errors[name] = sampled(world_sampler(motion.before), sites, ahead).irradiance[:, 0] / later - 1
-        return errors
 
     def mean(self, name: str) -> float:
         return float(np.abs(self.errors[name]).mean())
 
 
-def world_sampler(world: object) -> TemporalSampler:
-    return TemporalSampler(world, GRID, ReflectedDirectLight(world), 0, Counter())  # type: ignore[arg-type]
-
-
-def sampled(sampler: TemporalSampler, sites: Sites, ahead: Ahead | None = None) -> Records:
-    """What will be, or is where nothing foresees."""
-    return sampler.sample(sites, np.arange(len(sites.position)), ahead)[1]
+def irradiance(world: World, places: Sites, ahead: Ahead | None = None) -> F64:
+    """What will be, or is where nothing foresees, of one channel."""
+    return np.asarray(sampled(polar(world), places, ahead)[1].irradiance[:, 0])
 
 
 def predictors(motion: Motion) -> dict[str, Ahead]:
-    sampler, later = world_sampler(motion.before), ReflectedDirectLight(motion.after)
+    sampler, later = polar(motion.before), ReflectedDirectLight(motion.after)
     points = {f"points {f}": Reprojection(motion, sampler, later, f) for f in (1, 4)}
     return {"raycast": RayCast(motion, sampler, later), **points}
 
@@ -112,14 +100,77 @@ def test_recasting_only_what_may_have_changed_is_exact(full_speed: Estimates) ->
     np.testing.assert_allclose(full_speed.errors["raycast"], 0, atol=1e-5)
 
 
+@pytest.mark.parametrize("light", ["point", "spot", "directional", "area", "sky"])
+@pytest.mark.parametrize("cubes", [1, 24])
+def test_recasting_is_exact_under_any_light(light: str, cubes: int) -> None:
+    """Few things that move are told by their boxes, many by rays cast at them alone; what shades the floor is the cubes."""
+    scene = yard(light, cubes)
+    assert exactly_foreseen(motion_between(scene.world(0), scene.world(1)))
+
+
+def test_recasting_is_exact_where_a_surface_is_painted_anew() -> None:
+    before, after = yard("point", 1), yard("point", 1, wall=0.2)
+    motion = motion_between(before.world(0), after.world(0))
+    assert motion.materials
+    assert not motion.still
+    assert not motion.moved.any()
+    assert exactly_foreseen(motion)
+
+
+def some_floor(motion: Motion, count: int = 16) -> Sites:
+    """Places under the cubes of the yard."""
+    return floor(motion.before, np.random.default_rng(2).uniform((-1.6, -0.4), (1.6, 1.4), (count, 2)))
+
+
+def exactly_foreseen(motion: Motion) -> bool:
+    """Whether records under the cubes change, and to what the next frame's hemispheres say, to Embree's rounding."""
+    places, sampler = some_floor(motion), polar(motion.before, 256)
+    now, later = sampled(sampler, places, RayCast(motion, sampler, ReflectedDirectLight(motion.after)))
+    exact, _ = sampled(polar(motion.after, 256), places)
+    changed = np.abs(exact.irradiance - now.irradiance).max(axis=1) > 1e-3 * now.irradiance.max()
+    for name in ("irradiance", "translation", "rotation"):
+        expected = getattr(exact, name)
+        np.testing.assert_allclose(getattr(later, name), expected, atol=1e-4 * np.abs(expected).max())
+    return bool(changed.sum() >= 4)
+
+
+@pytest.mark.parametrize("chosen", [{}, {"prediction": "reproject"}, {"prediction": "reproject", "sampler": "plane"}])
+def test_where_a_lamp_alone_moves_every_way_of_foresight_is_exact(chosen: dict[str, Any]) -> None:
+    """As `trc` sets them up: what is seen stays where it is, in the light of the next frame."""
+    scene, settings = room(lamp=line((-0.4, 0, 2.5), (0.3, 0, 0))), TrcSettings(rays=256, sparse=1, backend="cpu", **chosen)
+    motion = motion_between(scene.world(0), scene.world(1))
+    assert motion.lights
+    here, there = (samplers_of(world, settings, 0, Counter(), None)[0] for world in (motion.before, motion.after))
+    now, later = sampled(here, some_floor(motion), ahead_of(motion, here, settings))
+    exact, _ = sampled(there, some_floor(motion))
+    assert np.abs(now.irradiance / exact.irradiance - 1).max() > 0.02
+    np.testing.assert_allclose(later.irradiance, exact.irradiance, rtol=1e-5)
+
+
+def test_a_record_is_the_same_whatever_is_computed_with_it() -> None:
+    """Places on a cube that moves and on the floor, in turn: those that go are foreseen apart from the others."""
+    scene = room(cube=line((0.3, 0.4, 0.45), (0.1, 0, 0)))
+    motion = motion_between(scene.world(0), scene.world(1))
+    xyz = [(0.2, 0.3, 0.85), (-0.6, 0.4, 0), (0.5, 0.5, 0.85), (0.4, -0.5, 0), (0.1, 0.6, 0.85), (0.3, -0.2, 0)]
+    places, number = sites(motion.before, xyz, np.tile([0.0, 0, 1], (6, 1))), np.array([4, 9, 2, 7, 1, 3])
+    sampler = polar(motion.before, 1024, sparse=4)
+    ahead = RayCast(motion, sampler, ReflectedDirectLight(motion.after))
+    assert ahead.changes(places).tolist() == [True, False] * 3
+    together = sampler.sample(places, number, ahead)
+    for k in range(6):
+        for one, all_ in zip(sampler.sample(places.rows([k]), number[k : k + 1], ahead), together, strict=True):
+            np.testing.assert_allclose(one.irradiance[0], all_.irradiance[k], rtol=1e-12)
+    assert (together[0].irradiance != sampler.sample(places, number + 1, ahead)[0].irradiance).any(axis=1).all()
+
+
 def test_a12_nothing_that_rests_is_touched() -> None:
     world = room().world()
     motion = motion_between(world, room().world())
     assert motion.still
     sites = Sites(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), np.array([[0.0, 0, 1]]))
-    now = sampled(world_sampler(world), sites)
     for ahead in predictors(motion).values():
-        np.testing.assert_array_equal(sampled(world_sampler(world), sites, ahead).irradiance, now.irradiance)
+        now, later = sampled(polar(world), sites, ahead)
+        np.testing.assert_array_equal(later.irradiance, now.irradiance)
 
 
 def test_a19_an_interpolated_record_hands_over_its_successor_s_value() -> None:

@@ -31,12 +31,7 @@ from renderers.transport.seen import Seen
 
 F64 = NDArray[np.float64]
 METHOD = RadianceCacheSplatting()
-
-
-@pytest.fixture(autouse=True)
-def _software_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    """These tests are about the CPU path."""
-    monkeypatch.setattr("renderers.method.device_string", lambda: "llvmpipe (LLVM 15.0.6, 256 bits)")
+pytestmark = pytest.mark.usefixtures("software_device")  # the CPU path
 
 
 def drawn(scene: Scene, size: tuple[int, int] = (48, 36), **settings: object) -> Frame:

@@ -22,7 +22,7 @@ from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.reflectance import Gloss, Lobes, stand_in_albedo
 from renderers.transport.caching.sight import in_sight
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.traced import notes_on_lobes, traced_lobes
+from renderers.transport.caching.traced import Price, few_at, notes_on_lobes, traced_alone, traced_lobes
 from renderers.transport.direct import receivers_of
 from renderers.transport.raycast import caster_of
 
@@ -45,6 +45,10 @@ class IrradianceCache:
         self.world, self.placement, self.records = world, placement, Records.empty()
         self._compute, self._distances, self._most, self._splat = compute, distances, most, splat
 
+    def few(self, gbuffer: GBuffer, rows: NDArray[np.intp]) -> F64:
+        """Fewest pixels that a record is made for, at pixels (flat indices): (P,)."""
+        return np.zeros(len(rows))
+
     def light(self, gbuffer: GBuffer, albedo: F64, watch: Stopwatch, counters: Counter[str]) -> F64:
         """Reflected radiance (H·W, 3) where albedo (H, W, 3) isn't black, 0 elsewhere. counters: `splats`, `pixels_missed`."""
         canvas = self.filled(gbuffer, albedo.max(axis=2) > 0, watch, counters)
@@ -55,6 +59,7 @@ class IrradianceCache:
     def filled(self, gbuffer: GBuffer, wanted: NDArray[np.bool_], watch: Stopwatch, counters: Counter[str]) -> Canvas:
         """A canvas over the wanted pixels (H, W), with all records on it, old ones and those that it needed."""
         canvas, how = Canvas.of(gbuffer, wanted), self.placement
+        canvas.few = self.few(gbuffer, canvas.rows)
         blocked = caster_of(self.world).occluded
         with watch("splat"):
             if how.sees:
@@ -77,24 +82,29 @@ class RadianceCache(IrradianceCache):
     """Radiance records of a World's glossy surfaces, of the order of `gloss`."""
 
     def __init__(
-        self, world: World, gloss: Gloss, compute: Compute, distances: Distances, placement: Placement, most: int | None = None,
-        splat: Splat | None = None,
+        self, world: World, gloss: Gloss, price: Price, compute: Compute, distances: Distances, placement: Placement,
+        most: int | None = None, splat: Splat | None = None,
     ) -> None:  # fmt: skip
         super().__init__(world, compute, distances, placement, most, splat)
-        self.gloss = gloss
+        self.gloss, self.price = gloss, price
 
-    def glossy_light(self, gbuffer: GBuffer, watch: Stopwatch, counters: Counter[str]) -> F64:
-        """Reflected radiance (H·W, 3) of the pixels that `gloss` caches, 0 elsewhere."""
+    def few(self, gbuffer: GBuffer, rows: NDArray[np.intp]) -> F64:
+        """See `IrradianceCache.few`."""
+        return few_at(self.gloss, gbuffer, rows, self.price)
+
+    def glossy_light(self, gbuffer: GBuffer, watch: Stopwatch, counters: Counter[str]) -> tuple[F64, NDArray[np.intp]]:
+        """Reflected radiance (H·W, 3) of the pixels that `gloss` caches, 0 elsewhere; and those (flat indices) too few for it."""
         canvas, how = self.filled(gbuffer, self.gloss.cached(gbuffer), watch, counters), self.placement
         image = np.zeros((gbuffer.triangle.size, 3))
         with watch("glossy splat"):
             lobes = Lobes(self.world, gbuffer, canvas.rows, self.gloss)
             image[canvas.rows] = reflected(canvas, self.records, lobes, how.a, how.weight, how.gradients, counters)
-        return image
+        return image, canvas.alone
 
 
 class Passes:
-    """Indirect light of all pixels. gloss: None where glossy surfaces count as diffuse ones of the same mean albedo."""
+    """Indirect light of all pixels. gloss: None where glossy surfaces count as diffuse ones of the same mean albedo. lobe_rays:
+    of a pixel whose lobe no record holds."""
 
     def __init__(
         self,
@@ -116,8 +126,12 @@ class Passes:
         image = self.diffuse.light(gbuffer, self.gloss.diffuse(self.world, gbuffer), watch, counters)
         if self.glossy is not None:
             before = len(self.glossy.records)
-            image += self.glossy.glossy_light(gbuffer, watch, counters)
+            light, alone = self.glossy.glossy_light(gbuffer, watch, counters)
+            image += light
             counters["radiance_records"] += len(self.glossy.records) - before
+            with watch("lobes"):
+                how = self.gloss, self.glossy.price, self._incoming
+                image[alone] += traced_alone(self.world, gbuffer, alone, *how, seed, counters)
         rows = np.flatnonzero(self.gloss.traced(gbuffer))
         if len(rows):
             with watch("lobes"):

@@ -50,10 +50,12 @@ class Shape(NamedTuple):
 
 
 class LobeTable(NamedTuple):
-    """Of one shape. coefficients float32 (VIEWS, TERMS, C): those with m ≥ 0, θ_o from 0 to π/2; tail (VIEWS,): see above."""
+    """Of one shape. coefficients float32 (VIEWS, TERMS, C): those with m ≥ 0, θ_o from 0 to π/2; tail (VIEWS,): see above; fill:
+    share of the hemisphere that its lobe fills at STEEP, (∫ f)² / (2π ∫ f²)."""
 
     coefficients: F32
     tail: F64
+    fill: float
 
 
 @lru_cache(maxsize=64)
@@ -77,7 +79,9 @@ def lobe_table(shape: Shape, order: int) -> LobeTable | None:
     energy = np.array([np.sum(lobe**2 * nodes.weights) for lobe in lobes])
     kept = (values[:, 1:].sum(axis=1) ** 2).sum(axis=1)
     tail = np.sqrt(np.maximum(0, 1 - kept / energy))
-    return LobeTable(np.ascontiguousarray(values, np.float32), tail)
+    steep = _steep()
+    fill = float(np.sum(lobes[steep] * nodes.weights)) ** 2 / (2 * np.pi * energy[steep])
+    return LobeTable(np.ascontiguousarray(values, np.float32), tail, fill)
 
 
 def _terms(shape: Shape, light: F64, view: F64) -> F64:
@@ -107,7 +111,7 @@ def order_of_shape(shape: Shape, largest: int = LARGEST_ORDER) -> int | None:
 
 def _degree_shares(table: LobeTable, order: int) -> F64:
     """Share of a lobe's energy at STEEP that orders 0 … `order` miss, (order + 1,)."""
-    view = int(np.searchsorted(np.linspace(0, np.pi / 2, VIEWS), STEEP))
+    view = _steep()
     degree, m = degrees(order)
     power = table.coefficients[view, 1:].sum(axis=0).astype(np.float64) ** 2
     of_degree = np.bincount(degree[m >= 0], power, order)
@@ -115,18 +119,24 @@ def _degree_shares(table: LobeTable, order: int) -> F64:
     return np.asarray(1 - kept / kept[-1] * (1 - table.tail[view] ** 2))
 
 
+def _steep() -> int:
+    """The view of tables nearest to STEEP."""
+    return int(np.searchsorted(np.linspace(0, np.pi / 2, VIEWS), STEEP))
+
+
 class Gloss(NamedTuple):
     """Glossy materials of a World in radiance records of one order.
 
     order: 0 where no record is needed. shape int64 (materials,): which table, or DIFFUSE, or SHARP: to be traced.
-    tables float32 (shapes, VIEWS, TERMS, C). reach (shapes,): the largest θ_o whose tail is at most LOST. truncated: numbers of
-    materials that are cached though no order holds them.
+    tables float32 (shapes, VIEWS, TERMS, C). reach (shapes,): the largest θ_o whose tail is at most LOST. fill (shapes,): see
+    `LobeTable`. truncated: numbers of materials that are cached though no order holds them.
     """
 
     order: int
     shape: NDArray[np.int64]
     tables: F32
     reach: F64
+    fill: F64
     truncated: tuple[int, ...] = ()
 
     @property
@@ -213,7 +223,7 @@ def _stacked(order: int, rows: NDArray[np.int64], shapes: Sequence[Shape], trunc
     theta = np.linspace(0, np.pi / 2, VIEWS)
     reach = [np.pi / 2 if truncate or not (t.tail > LOST).any() else theta[np.argmax(t.tail > LOST)] for t in tables]
     held = np.stack([t.coefficients for t in tables]) if tables else np.zeros((0, VIEWS, TERMS, 0), np.float32)
-    return Gloss(order, rows, held, np.array(reach), truncated)
+    return Gloss(order, rows, held, np.array(reach), np.array([t.fill for t in tables]), truncated)
 
 
 class Lobes:

@@ -25,11 +25,13 @@ class Canvas:
     """Pixels to which records are added. `rows` int (P,): flat indices of the pixels, in an image `width` wide.
 
     position, normal (P, 3): World, unit normals turned to the viewer. Everything is computed in `dtype`. sums (P, 4): Σ w E' and
-    Σ w so far.
+    Σ w so far. few (P,): a record that would be the first to reach fewer pixels isn't worth its price, 0 everywhere at first; left
+    (P,): those that were passed over for it (`thinned`).
     """
 
     def __init__(self, rows: NDArray[np.intp], width: int, position: Float, normal: Float, dtype: Any = np.float32) -> None:
         self.rows, self.width, self.dtype = rows, width, np.dtype(dtype)
+        self.few, self.left = np.zeros(len(rows)), np.zeros(len(rows), bool)
         self.position, self.normal = (np.ascontiguousarray(a, dtype) for a in (position, normal))
         self.sums = np.zeros((len(rows), 4), dtype)
         single = (np.ascontiguousarray(a, np.float32) for a in (position, normal))
@@ -69,18 +71,26 @@ class Canvas:
     def thinned(
         self, candidates: NDArray[np.int64], radius: Float, a: float, weight: Weight, covered: NDArray[np.bool_], limit: int
     ) -> NDArray[np.int64]:
-        """Candidates (indices into the pixels) that no earlier one's zone covers, `limit` at most; `covered` (P,) is updated."""
+        """Candidates (indices into the pixels) that no earlier one's zone covers, `limit` at most; `covered` (P,) is updated.
+
+        Those whose zones cover fewer new pixels than `few` aren't taken: these pixels are `left`.
+        """
         accepted = np.empty(min(len(candidates), limit), np.int64)
         reach = radius.astype(self.dtype)
-        count = accept(
-            self.position, self.normal, self._tiles, candidates, reach, self.dtype.type(a), WEIGHTS[weight], covered, accepted
-        )
+        zones = reach, self.dtype.type(a), WEIGHTS[weight]
+        count = accept(self.position, self.normal, self._tiles, candidates, *zones, covered, accepted, self.few, self.left)
         return accepted[:count]
 
     @property
     def missed(self) -> NDArray[np.bool_]:
-        """Pixels without a single record, bool (P,). Σ w < 1/a says the same: each contributing weight is at least 1/a."""
-        return np.asarray(self.sums[:, 3] <= 0)
+        """Pixels that need a record, bool (P,): without a single one, and not left. Σ w < 1/a says the same as Σ w = 0: each
+        contributing weight is at least 1/a."""
+        return np.asarray((self.sums[:, 3] <= 0) & ~self.left)
+
+    @property
+    def alone(self) -> NDArray[np.intp]:
+        """Flat indices of the pixels that were left and are reached by no record."""
+        return self.rows[self.left & (self.sums[:, 3] <= 0)]
 
     @property
     def irradiance(self) -> Float:

@@ -91,30 +91,41 @@ def splat_records(points, normals, tiles, records, a, kind, gradients, sums, wor
 
 
 @numba.njit(nogil=True, cache=True)
-def accept(points, normals, tiles, candidates, radius, a, kind, covered, accepted):  # type: ignore[no-untyped-def]
+def accept(points, normals, tiles, candidates, radius, a, kind, covered, accepted, few, left):  # type: ignore[no-untyped-def]
     """Walk candidates (pixels) in order; each that isn't covered is accepted and covers its zone, until `accepted` is full.
 
-    radius: of each candidate. Returns how many are accepted.
+    radius: of each candidate. Returns how many are accepted. Where a zone would cover fewer pixels than `few` (P,) at the
+    candidate, these are covered and `left` (P,) instead, and the candidate isn't accepted.
     """
     count, reached = 0, np.empty(len(tiles.pixel), np.int64)
+    newly = np.empty(len(points), np.int64)
     for place in range(len(candidates)):
         at = candidates[place]
         if count == len(accepted):
             break
         if not covered[at]:
-            accepted[count] = at
-            count += 1
             covered[at] = True
-            _cover(points, normals, tiles, points[at], normals[at], radius[place], a, kind, reached, covered)
+            newly[0] = at
+            size = _cover(points, normals, tiles, points[at], normals[at], radius[place], a, kind, reached, covered, newly)
+            if size < few[at]:
+                left[newly[:size]] = True
+            else:
+                accepted[count] = at
+                count += 1
     return count
 
 
 @numba.njit(nogil=True, cache=True)
-def _cover(points, normals, tiles, position, normal, radius, a, kind, reached, covered):  # type: ignore[no-untyped-def]
+def _cover(points, normals, tiles, position, normal, radius, a, kind, reached, covered, newly):  # type: ignore[no-untyped-def]
+    """Cover a zone. newly: pixels that are covered by it; the first stands there already. Returns how many."""
+    size = 1
     for t in tiles_reached(tiles, 0, len(tiles.first) - 1, position, normal, radius, a, reached):
         for i in tiles.pixel[t]:
-            if i >= 0 and not covered[i]:
-                covered[i] = weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0
+            if i >= 0 and not covered[i] and weight_at(kind, points[i], normals[i], position, normal, radius, a) > 0:
+                covered[i] = True
+                newly[size] = i
+                size += 1
+    return size
 
 
 @numba.njit(parallel=True, cache=True)

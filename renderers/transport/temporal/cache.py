@@ -39,6 +39,7 @@ from renderers.transport.temporal.motion import Motion
 from renderers.transport.temporal.records import Timed
 from renderers.transport.temporal.sampling import Ahead, TemporalSampler
 from renderers.transport.temporal.trends import Trends
+from renderers.transport.temporal.worth import priced, worthless
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -127,7 +128,8 @@ class TemporalCache:
         """
         if self.policy.keeping == "per-frame":
             self.live, self.places = Timed.empty(), 0
-        renewed = self.renew(stage, counters, views)
+        few = priced((view.canvas for view in views), self.live, self.policy.longest, stage.still)
+        renewed = self.renew(stage, counters, views, few)
         spare = self._spare(renewed, stage, views)
         self.live = replace(self.live, life=np.where(np.isin(self.live.place, spare), 1, self.live.life))
         values = self.live.at(stage.frame)
@@ -150,17 +152,17 @@ class TemporalCache:
         counters["records_alive"] += len(self.live)
         return renewed
 
-    def renew(self, stage: Stage, counters: Counter[str], views: Sequence[View] = ()) -> Timed:
+    def renew(self, stage: Stage, counters: Counter[str], views: Sequence[View] = (), few: float = 0) -> Timed:
         """Delete or compute anew all records whose life is over. Returns the new ones.
 
         views: of this frame. With them, and where the guard rests most places, those whose records live for one frame are given up
         where others reach all of their pixels: else places that accumulate from frame to frame would cost more than those that
-        a cache of one frame needs. Elsewhere they stay: what comes and goes with them would flicker.
+        a cache of one frame needs. Elsewhere they stay: what comes and goes with them would flicker. few: see `worth.worthless`.
         """
         if self.policy.follows and stage.past is not None:
             self.live = self.live.carried(*departures(stage.past, self.live.sites))
         over = self.live.last < stage.frame
-        old = self.live.rows(over & (self.live.covered > 0))
+        old = self.live.rows(over & (self.live.covered > 0) & ~worthless(self.live, few))
         old = old.rows(anchors(stage.sampler.world, old.sites).held)
         if views and self._rests_everywhere():
             old = old.rows(self._needed(self.live.rows(~over), old, stage.placement, views))

@@ -25,12 +25,14 @@ CAPTION = "records of this frame; red: lives one frame, yellow: half as long as 
 @dataclass
 class Pending:
     """A frame whose records are known, but perhaps not all of their successors. shares: by cache; direct (H, W, 3): sum over the
-    views; traced: of each view; position (H, W, 3): what the first view sees."""
+    views; traced, alone: lobes too sharp for records and pixels too few for them, of each view; position (H, W, 3): what the first
+    view sees."""
 
     context: Context
     shares: dict[str, Share]
     direct: F64
     traced: Sequence[Traced]
+    alone: Sequence[Traced]
     counters: Counter[str]
     camera: WorldCamera
     position: NDArray[np.float32]
@@ -67,4 +69,6 @@ class Pending:
             self.counters["pixels_missed"] += int(np.count_nonzero(canvas.missed))
         traced = self.traced[view]
         image[traced.rows] += traced.light
+        # records that later views needed may reach them, too
+        image[self.alone[view].rows] = self.alone[view].light
         return image

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from renderers.transport.caching.placement import Placement
 from renderers.transport.caching.records import Records, Sites
 from renderers.transport.caching.reflectance import Gloss, Lobes, stand_in_albedo
 from renderers.transport.caching.splat import Canvas
-from renderers.transport.caching.traced import traced_lobes
+from renderers.transport.caching.traced import Price, few_at, traced_alone, traced_lobes
 from renderers.transport.direct import direct, emitted, receivers_of
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.temporal.cache import View
@@ -49,19 +49,21 @@ class Look(NamedTuple):
         return np.asarray(self.view.canvas.irradiance * self.albedo / np.pi)
 
 
-def looks_of(world: World, gbuffer: GBuffer, gloss: Gloss | None) -> dict[str, Look]:
-    """Diffuse and glossy pixels of a view; gloss: None where glossy surfaces count as diffuse ones of the same mean albedo."""
+def looks_of(world: World, gbuffer: GBuffer, gloss: Gloss | None, price: Price) -> dict[str, Look]:
+    """Diffuse and glossy pixels of a view; gloss: None where glossy surfaces count as diffuse ones of the same mean albedo; price:
+    of radiance records."""
     albedo = stand_in_albedo(world, gbuffer) if gloss is None else gloss.diffuse(world, gbuffer)
     canvas = Canvas.of(gbuffer, albedo.max(axis=2) > 0)
     found = {DIFFUSE: Look(_view(world, gbuffer, canvas), albedo.reshape(-1, 3)[canvas.rows], None)}
     if gloss is not None:
         canvas = Canvas.of(gbuffer, gloss.cached(gbuffer))
+        canvas.few = few_at(gloss, gbuffer, canvas.rows, price)
         found[GLOSSY] = Look(_view(world, gbuffer, canvas), None, Lobes(world, gbuffer, canvas.rows, gloss))
     return found
 
 
 class Traced(NamedTuple):
-    """Light (P, 3) of pixels (flat indices) of a view whose lobes no record holds."""
+    """Light (P, 3) of pixels (flat indices) of a view that no record holds."""
 
     rows: NDArray[np.intp]
     light: F64
@@ -93,6 +95,22 @@ def traced_of(
         if len(rows):
             light = traced_lobes(world, gbuffer, rows, rays, ReflectedDirectLight(world), seed + (index << 32), counters)
             counters["pixels_traced"] += len(rows)
+        found.append(Traced(rows, light))
+    return found
+
+
+def alone_of(
+    world: World, gbuffers: Sequence[GBuffer], looks: Sequence[Mapping[str, Look]], gloss: Gloss | None, price: Price, seed: int,
+    counters: Counter[str],
+) -> list[Traced]:  # fmt: skip
+    """Glossy pixels of each view that were too few for a record, traced; counters: `lobe_rays`, `pixels_alone` grow."""
+    found = []
+    for index, (gbuffer, look) in enumerate(zip(gbuffers, looks, strict=True)):
+        rows, light = np.zeros(0, np.intp), np.zeros((0, 3))
+        if gloss is not None:
+            rows = look[GLOSSY].view.canvas.alone
+            incoming = ReflectedDirectLight(world)
+            light = traced_alone(world, gbuffer, rows, gloss, price, incoming, seed + (index << 32), counters)
         found.append(Traced(rows, light))
     return found
 

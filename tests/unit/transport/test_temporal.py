@@ -1,5 +1,7 @@
 """Parts of temporal caching by themselves: motion, anchors, coverage, trends, the overlay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from caching_rooms import room_2
@@ -7,7 +9,7 @@ from numpy.typing import NDArray
 from temporal_rooms import room
 
 from renderers.transport.caching.records import Records, Sites
-from renderers.transport.caching.splat import Canvas
+from renderers.transport.caching.splat import Canvas, gather
 from renderers.transport.caching.weights import WEIGHTS, weight
 from renderers.transport.primary import cast_gbuffer
 from renderers.transport.temporal.anchors import anchors, carried
@@ -160,6 +162,88 @@ def test_a11_errors_over_a_life_stay_within_their_bounds(mode: str) -> None:
         assert (error <= bound + 1e-12).all()
 
 
+def turn_about(axis: int, angle: float) -> F64:
+    """Rotation (3, 3) about a coordinate axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    plane = [k for k in range(3) if k != axis]
+    found = np.eye(3)
+    found[np.ix_(plane, plane)] = [[c, -s], [s, c]]
+    return found
+
+
+def coloured(seed: int, count: int = 4) -> tuple[Timed, F64]:
+    """Places near the origin with normals near z and random light, gradients and trends; their positions."""
+    rng = np.random.default_rng(seed)
+    position, normal = rng.normal(size=(count, 3)) * 0.1, rng.normal(size=(count, 3)) * 0.1 + [0, 0, 1]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    light, *gradients = (rng.uniform(-0.3, 0.3, (count, *shape)) for shape in ((3,), (3, 3), (3, 3)))
+    records = Records(position, normal, np.ones(count), light + 3, *gradients)
+    trends = Trends(*(rng.uniform(-0.1, 0.1, (count, *shape)) for shape in ((3,), (3, 3), (3, 3))))
+    none, slanted = np.zeros(count, np.int64), np.roll(normal, 1, axis=0)
+    return Timed.of(records, trends, Sites(position, normal, slanted), np.arange(count), 0, none + 9, none, none), position
+
+
+def test_light_goes_with_places_that_turn_and_move() -> None:
+    """Records and points turned and moved alike, twice: what records say of the points stays, now and later. So do axes and
+    normals."""
+    timed, position = coloured(0)
+    rng = np.random.default_rng(1)
+    points, normals = position + rng.normal(size=(4, 3)) * 0.05, timed.records.normal
+    turn, index, moved = np.eye(3), np.arange(4), timed
+    place = position
+    for axis, angle, shift in ((0, 0.4, [0.1, 0.2, 0.3]), (1, -0.7, [-0.4, 0.0, 0.2])):
+        one = turn_about(axis, angle)
+        there = place @ one.T + shift
+        moved = moved.carried(index, np.tile(one, (4, 1, 1)), there - place)
+        points, normals, turn, place = points @ one.T + shift, normals @ one.T, one @ turn, there
+    for frame in (0, 5):
+        here, _ = gather(position + (points - place) @ turn, timed.records.normal, timed.at(frame), 0.9)
+        there, _ = gather(points, normals, moved.at(frame), 0.9)
+        np.testing.assert_allclose(there, here, rtol=1e-9)
+    np.testing.assert_allclose(moved.sites.geometric, timed.sites.geometric @ turn.T, atol=1e-12)
+    np.testing.assert_allclose(moved.sites.normal, moved.records.normal, atol=1e-12)
+    np.testing.assert_allclose(moved.tangents, timed.tangents @ turn.T, atol=1e-12)
+    some = timed.carried(index[:1], np.tile(turn_about(0, 0.4), (1, 1, 1)), np.ones((1, 3)))
+    np.testing.assert_array_equal(some.records.translation[1:], timed.records.translation[1:])
+
+
+def test_light_that_turns_with_its_place_has_no_trend_but_its_own() -> None:
+    """A successor with the light of the record before it, which turned with its place before it was made, and again until its
+    successor came: gradients are compared in the axes of the place."""
+    first, _ = coloured(3)
+    index, one, two = np.arange(4), np.tile(turn_about(0, 0.9), (4, 1, 1)), np.tile(turn_about(2, 0.5), (4, 1, 1))
+    old = first.carried(index, one, np.zeros((4, 3)))
+    new = replace(old.carried(index, two, np.zeros((4, 3))), born=np.full(4, 9), life=np.full(4, 1))
+    brighter = replace(new, records=replace(new.records, irradiance=new.records.irradiance + 0.9))
+    found, waits = succeeded(old, np.ones(4, bool), brighter, 9)
+    assert not waits.any()
+    np.testing.assert_allclose(found.trends.irradiance, 0.1, rtol=1e-9)
+    np.testing.assert_allclose(found.trends.translation, 0, atol=1e-12)
+    np.testing.assert_allclose(found.trends.rotation, 0, atol=1e-12)
+
+
+def test_trends_are_scaled_channel_by_channel_and_shrunk_in_their_translation() -> None:
+    rng = np.random.default_rng(5)
+    shapes = ((2, 3), (2, 3, 3), (2, 3, 3), (2, 4, 3), (2, 2, 4, 3))
+    trends = Trends(*(rng.normal(size=shape) for shape in shapes))
+    factor = rng.random((2, 3))
+    scaled = trends.scaled(factor)
+    for name, channels in (
+        ("irradiance", "kc"),
+        ("translation", "kci"),
+        ("rotation", "kci"),
+        ("coefficients", "kic"),
+        ("coefficient_gradients", "kdic"),
+    ):
+        column = getattr(trends, name)
+        np.testing.assert_allclose(getattr(scaled, name), np.einsum(f"{channels},kc->{channels}", column, factor))
+    shrunk = trends.shrunk(np.array([0.5, 1.0]))
+    for name in ("irradiance", "translation", "rotation", "coefficients", "coefficient_gradients"):
+        by = 0.5 if name in ("translation", "coefficient_gradients") else 1.0
+        np.testing.assert_allclose(getattr(shrunk, name)[0], by * getattr(trends, name)[0])
+        np.testing.assert_array_equal(getattr(shrunk, name)[1], getattr(trends, name)[1])
+
+
 def test_h17_a_channel_never_goes_below_zero() -> None:
     trends = Trends(np.array([[-0.1, -0.4, 0.0]]), np.zeros((1, 3, 3)), np.zeros((1, 3, 3)))
     np.testing.assert_array_equal(timed_at(np.ones((1, 3)), 0, 9, trends).at(5).irradiance, [[0.5, 0, 1]])
@@ -190,8 +274,6 @@ def test_overlay_draws_visible_records_in_the_colours_of_their_lives() -> None:
     behind = world.camera.pose[:3, 3] + world.camera.pose[:3, 2][None]
     timed = timed_at(np.ones((4, 3)), 0, 1)
     sites = Sites(np.concatenate([position, hidden, behind]), np.zeros((4, 3)), np.zeros((4, 3)))
-    from dataclasses import replace
-
     picture = overlay(
         [replace(timed, sites=sites, life=np.array([1, 20, 10, 10]))],
         20,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from caching_rooms import room_2, sites
 
-from renderers.methods.ray_records import placement_of
+from renderers.methods.ray_records import glossy_placement_of, placement_of
 from renderers.methods.trc import TrcSettings
 from renderers.transport.caching.hemisphere import Grid
 from renderers.transport.caching.incoming import ReflectedDirectLight
@@ -49,3 +49,16 @@ def test_a_wall_that_comes_ends_the_zones_of_records_renewed_in_place(sees: bool
 def test_what_a_placement_stands_for(placement: str, metric: str, gradient: bool, sees: bool) -> None:
     how = placement_of(room_2().world(), 48, TrcSettings(placement=placement), 0)  # type: ignore[arg-type]
     assert (how.limits.metric, how.limits.gradient, how.sees) == (metric, gradient, sees)
+
+
+def test_smallest_reach_and_the_accuracy_of_each_cache() -> None:
+    """A record's smallest reach a·R is `footprint` pixels at its distance; those of radiance go by `glossy_a`, not by curvature."""
+    settings = TrcSettings(a=0.2, glossy_a=0.05, footprint=3.0)
+    world = room_2().world()
+    pixel = 2 * np.tan(world.camera.yfov / 2) / 48
+    for placement, a in ((placement_of(world, 48, settings, 0), 0.2), (glossy_placement_of(world, 48, settings, 0), 0.05)):
+        assert placement.a == a
+        assert placement.limits.footprint is not None
+        point = world.camera.pose[:3, 3] + np.array([[0.0, 0.3, 0.4]])
+        assert a * placement.limits.footprint.radius(point)[0] == pytest.approx(3 * pixel * 0.5)
+    assert (placement.limits.metric, placement.sees) == ("split-sphere", False)
