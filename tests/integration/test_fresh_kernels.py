@@ -29,9 +29,6 @@ CASES: dict[str, tuple[str, str, dict[str, Any], tuple[int, int]]] = {
     "flc": ("flc", "cornell-box", LIGHT, (0, 0)),
     "flc ridge, interleaved": ("flc", "cornell-box", LIGHT | {"family": "ridge", "interleave": 2}, (0, 0)),
     "flc glossy": ("flc", "cornell-glossy", LIGHT, (0, 0)),
-    "stochastic-lightcuts": ("stochastic-lightcuts", "cornell-box", {"vpls": 300}, (0, 0)),
-    "pdsm": ("pdsm", "cornell-box", {"resolution": 32}, (0, 0)),
-    "pmic": ("pmic", "cornell-box", {"photons": 20000}, (0, 0)),
     "trc": ("trc", "cornell-box", {"rays": 64, "backend": "cpu"}, (0, 1)),
     "rcs glossy": ("rcs", "cornell-glossy", {"rays": 64, "backend": "cpu"}, (0, 0)),
 }
