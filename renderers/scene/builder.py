@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -123,18 +122,8 @@ def look_rotation(direction: ArrayLike, up: ArrayLike = (0, 1, 0)) -> Quaternion
 
 
 def quaternion_of(matrix: NDArray[np.float64]) -> Quaternion:
-    """Unit quaternion (x, y, z, w) of a rotation matrix (3, 3), w ≥ 0: the largest component first, so that none is a difference
-    of near numbers (Markley 2008). To the bit what scipy gives, whose import takes longer than all else that opens a scene.
-    """
-    m = np.asarray(matrix, np.float64)
-    x, y, z = m.diagonal()
-    trace = x + y + z
-    largest = int(np.argmax([x, y, z, trace]))
-    quaternion = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1 + trace])
-    if largest < 3:
-        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
-        quaternion[[i, j, k, 3]] = 1 - trace + 2 * m[i, i], m[j, i] + m[i, j], m[k, i] + m[i, k], m[k, j] - m[j, k]
-    a, b, c, d = (float(v) for v in quaternion)
-    length = math.sqrt(a * a + b * b + c * c + d * d)
-    sign = -1 if (d, a, b, c) < (0, 0, 0, 0) else 1
-    return sign * a / length, sign * b / length, sign * c / length, sign * d / length
+    """Unit quaternion (x, y, z, w) of a rotation matrix (3, 3), w ≥ 0."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(matrix).as_quat(canonical=True)
+    return float(x), float(y), float(z), float(w)
