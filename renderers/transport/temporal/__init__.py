@@ -7,6 +7,7 @@
 | `motion` | what differs between the Worlds of two frames |
 | `anchors` | which surface a place lies on, and where it goes |
 | `sampling` | hemispheres whose hits are kept, at places numbered once for all |
+| `updating` | what rays found, brought to the next frame: only what may have changed is cast and shaded anew |
 | `prediction` | the same hemispheres one frame ahead: cast anew where something moved, or by reprojection |
 | `reprojection` | hits of polar hemispheres moved with their objects, drawn with a depth test, holes filled |
 | `plane_sampling` | hemispheres seen through one square plane, as published, and their reprojection |
@@ -17,6 +18,8 @@
 | `layers` | what each cache gives the frames |
 | `pending` | frames that wait for the successors of their records |
 | `cache` | the live records of an animation: expiry, renewal in place, deletion |
+| `coverage` | pixels that records reach, and records that are needed for them |
+| `worth` | which radiance records serve too few pixels |
 | `overlay` | where records lie and how long they live, as a picture |
 | `accumulation` | temporal accumulation of noisy images: the pixel's past followed back |
 

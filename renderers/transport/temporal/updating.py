@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from renderers.scene.world import World
 from renderers.transport.caching.incoming import Incoming
+from renderers.transport.embree import WIDTH
 from renderers.transport.raycast import FAR, OFFSET, Hits, caster_of
 from renderers.transport.seen import Seen, seen_along
 from renderers.transport.temporal.motion import Motion
@@ -26,7 +27,6 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 States = NDArray[np.uint8]
 MANY = 16  # boxes: beyond, casting a ray at what moves is cheaper than testing it against them
-PACKET = 16  # rays that are cast together
 CREEP = 1e-30
 KEPT, ASKED, SHADED, CAST = range(4)  # a ray that isn't touched; cast at what moves alone; whose hit is shaded anew; cast anew
 
@@ -123,14 +123,14 @@ def _replace(hits: Hits, index: I64, others: Hits) -> None:
 @numba.njit(nogil=True, cache=True)
 def _apart(states, cells):  # type: ignore[no-untyped-def]
     """Rays to be cast, those of each place (`cells` rays) filled up to whole packets by its last."""
-    out, count = np.empty(len(states) + PACKET * (len(states) // cells), np.int64), 0
+    out, count = np.empty(len(states) + WIDTH * (len(states) // cells), np.int64), 0
     for start in range(0, len(states), cells):
         first = count
         for ray in range(start, start + cells):
             if states[ray] == CAST:
                 out[count] = ray
                 count += 1
-        while (count - first) % PACKET:
+        while (count - first) % WIDTH:
             out[count] = out[count - 1]
             count += 1
     return out[:count]
