@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from work import counted
+from work import FEW_CALLS, counted
 
 from renderers import SceneError, load_scene
 from renderers.scene.builder import SceneBuilder
@@ -23,7 +23,6 @@ from renderers.scene.model import Lambert, PointLight
 
 ROOT = Path(__file__).parents[2]
 MEGABYTE = 2**20
-FEW_CALLS = 50_000  # a tenth of a second at most; the first image of a process takes 29,000, to import its reader
 
 
 def good_bytes():

@@ -14,7 +14,7 @@ import httpx
 import pytest
 from http_service import HEALTHY, FakeQueue, serving
 from test_http_api import problem
-from work import counted
+from work import FEW_CALLS, counted
 
 from renderers import SceneError
 from renderers.scene.builder import SceneBuilder
@@ -161,9 +161,6 @@ HOSTILE = {
     "a file above": lambda: external("../../secret.bin"),
     "an address": lambda: external("http://127.0.0.1:1/x.bin"),
 }
-
-
-FEW_CALLS = 50_000
 
 
 def resident() -> int:

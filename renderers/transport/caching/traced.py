@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from renderers.gbuffer import GBuffer
 from renderers.scene.world import GGX_KIND, PHONG, World
 from renderers.transport.brdf import Materials, evaluate, ggx_colors, materials_at
+from renderers.transport.caching.hemisphere import GOLDEN
 from renderers.transport.caching.incoming import Incoming
 from renderers.transport.caching.reflectance import Gloss
 from renderers.transport.direct import receivers_of
@@ -38,7 +39,6 @@ RAYS_PER_TASK = 1 << 15
 PIXELS_PER_DRAW = 1 << 14
 LOBE = 2 / 3
 LEAST = 1024  # error of a twentieth on small glossy things, half of what interpolation and truncation leave beside them
-GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 def traced_lobes(

@@ -57,9 +57,9 @@ class TemporalPlaneSampler(TemporalSampler):
         parts = chunks(len(places), max(1, RAYS_PER_TASK // self.grid.cells))
 
         def cast(part: slice) -> tuple[Records, Cloud, F64, int]:
-            found, rays = self.cast(sites.rows(part), places[part], None if tangents is None else tangents[part])
-            cloud, more = ahead.cloud(found)
-            return self._records(found, found.found), cloud, found.tangents, rays + more
+            planes, rays = self.cast(sites.rows(part), places[part], None if tangents is None else tangents[part])
+            cloud, more = ahead.cloud(planes)
+            return self._records(planes, planes.found), cloud, planes.tangents, rays + more
 
         def summed(part: int) -> Records:
             radiance, nearness = drawn[part]
