@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-# A hundredth of a second. The first image that a process opens takes 29,000, to import its reader.
+# A few hundredths of a second. The first image that a process opens takes 29,000, to import its reader.
 FEW_CALLS = 50_000
 
 
